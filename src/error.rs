@@ -1,0 +1,143 @@
+//! The library's one error type, split by who can act on it.
+
+use std::path::PathBuf;
+
+/// A result whose error is [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// What went wrong, where, and what to do about it. Each variant has one exit code (see [`Error::exit_code`]).
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// An input file is malformed or holds values that light transport has no meaning for.
+    #[error("{}: {place}: {problem}; {remedy}", file.display())]
+    Input {
+        /// The offending file.
+        file: PathBuf,
+        /// Line, byte, element or key within the file.
+        place: String,
+        /// What is wrong there, with expected and found values.
+        problem: String,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// The command line asks for something that has no meaning.
+    #[error("{0}")]
+    Usage(String),
+    /// Reading or writing failed; the work done so far is kept.
+    #[error("{}: {action}: {source}", file.display())]
+    Io {
+        /// The file concerned.
+        file: PathBuf,
+        /// What was being done ("reading the header").
+        action: String,
+        /// The operating system's answer.
+        source: std::io::Error,
+    },
+    /// The disk is full; the job resumes once there is room.
+    #[error("{}: disk full: {needed_bytes} more bytes are needed; free them and run the same command again", file.display())]
+    DiskFull {
+        /// The file that could not be written.
+        file: PathBuf,
+        /// How many bytes were still to be written.
+        needed_bytes: u64,
+    },
+    /// A stage would need more memory than the budget allows.
+    #[error(
+        "{stage} needs about {needed_bytes} bytes, over --max-memory {budget_bytes}; raise the budget or the error target"
+    )]
+    Memory {
+        /// The stage that would exceed the budget.
+        stage: String,
+        /// Estimated need.
+        needed_bytes: u64,
+        /// The budget.
+        budget_bytes: u64,
+    },
+    /// The job directory holds a job made from other inputs or options.
+    #[error("{}: the job was made with other inputs or options: {difference}; choose another -o, or --restart", job.display())]
+    JobDiffers {
+        /// The job directory.
+        job: PathBuf,
+        /// What differs: option or file, there and now.
+        difference: String,
+    },
+    /// No job at this path.
+    #[error("{}: no such job; make one with `glowtree bake SCENE -o {}`", job.display(), job.display())]
+    NoJob {
+        /// The path given.
+        job: PathBuf,
+    },
+    /// Another process works on the job.
+    #[error("{}: locked by {holder}; wait for it or stop it", job.display())]
+    JobLocked {
+        /// The job directory.
+        job: PathBuf,
+        /// Process and host of the holder.
+        holder: String,
+    },
+    /// A checksum or invariant of an archive fails.
+    #[error("{}: {place}: {problem}; run `glowtree verify --repair` on the job", file.display())]
+    Damaged {
+        /// The archive file.
+        file: PathBuf,
+        /// Which block.
+        place: String,
+        /// Expected and found.
+        problem: String,
+    },
+    /// The iteration stopped at its limit before the residual reached the tolerance.
+    #[error(
+        "did not converge: residual {residual:.3e} after {iterations} iterations; raise --max-bounces or lower the albedos"
+    )]
+    NotConverged {
+        /// Iterations done.
+        iterations: usize,
+        /// Relative residual reached.
+        residual: f64,
+    },
+    /// A signal asked the program to stop; the job is resumable.
+    #[error("interrupted by {signal}; run the same command again to resume", signal = if *terminated { "SIGTERM" } else { "SIGINT" })]
+    Interrupted {
+        /// SIGTERM rather than SIGINT.
+        terminated: bool,
+    },
+}
+
+impl Error {
+    /// The program's exit code for this error; fixed for ever.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Self::Usage(_) => 2,
+            Self::JobDiffers { .. } => 3,
+            Self::Input { .. } => 4,
+            Self::Memory { .. } => 6,
+            Self::DiskFull { .. } => 7,
+            Self::Io { .. } => 8,
+            Self::Damaged { .. } => 9,
+            Self::NoJob { .. } => 10,
+            Self::JobLocked { .. } => 11,
+            Self::NotConverged { .. } => 12,
+            Self::Interrupted { terminated: false } => 130,
+            Self::Interrupted { terminated: true } => 143,
+        }
+    }
+
+    /// An [`Error::Input`] from its four facts.
+    pub fn input(
+        file: impl Into<PathBuf>,
+        place: impl Into<String>,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> Self {
+        Self::Input { file: file.into(), place: place.into(), problem: problem.into(), remedy: remedy.into() }
+    }
+
+    /// An [`Error::Io`], or [`Error::DiskFull`] when that is what the system said.
+    pub fn io(file: impl Into<PathBuf>, action: impl Into<String>, source: std::io::Error) -> Self {
+        let file = file.into();
+        if source.kind() == std::io::ErrorKind::StorageFull {
+            return Self::DiskFull { file, needed_bytes: 0 };
+        }
+        Self::Io { file, action: action.into(), source }
+    }
+}

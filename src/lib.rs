@@ -1,0 +1,33 @@
+//! Meshless hierarchical radiosity for scenes bigger than memory.
+//!
+//! The pipeline is the architecture; each stage is one module, each arrow one verb:
+//!
+//! `scene → sites → tree → links → transport (R) → solution → pictures`
+//!
+//! * [`scene`] reads meshes, materials, skies, lamps and cameras into one local, unit-sized frame.
+//! * [`rays`] builds a bounding-volume hierarchy and answers closest-hit and occlusion queries, watertight.
+//! * [`sites`] scatters nested Poisson-disk sites (position, normal, area) over the surfaces.
+//! * [`tree`] arranges the sites' levels into clusters and interpolates between them (the bases).
+//! * [`links`] gathers, per receiver, direct light from lamps, light from the sky and rows of the transport operator R.
+//! * [`solve`] iterates pull, gather, push to the radiosity B = E + ρRB.
+//! * [`mod@reference`] path traces the same scene to judge the result.
+//! * [`output`] turns a solution into meshes, tables and pictures; [`bake`] runs the job; [`cli`] is the program.
+//!
+//! Letters and equations: `docs/theory.md`. Words: `docs/glossary.md`.
+
+pub mod archive;
+pub mod bake;
+pub mod cli;
+pub mod error;
+pub mod geometry;
+pub mod light;
+pub mod links;
+pub mod output;
+pub mod rays;
+pub mod reference;
+pub mod scene;
+pub mod sites;
+pub mod solve;
+pub mod tree;
+
+pub use error::{Error, Result};
