@@ -3,6 +3,7 @@
 //! A link is owned by, sorted by and indexed by its receiver. Three kinds, kept apart because they are relit apart:
 //! lamps → sites ([`direct`]), sky → receivers and sites → receivers (both in [`rows`]).
 
+pub mod compress;
 pub mod dense;
 pub mod direct;
 pub mod lamps;
