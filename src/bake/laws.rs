@@ -4,9 +4,10 @@ use crate::links::direct::DirectParams;
 use crate::links::receivers::ReceiverParams;
 use crate::links::rows::RowParams;
 use crate::sites::SiteParams;
+use crate::solve::field::FieldParams;
 
 /// The parameters of every stage, as an error target asks for them.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Sites.
     pub sites: SiteParams,
@@ -39,5 +40,10 @@ impl Plan {
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
         }
+    }
+
+    /// How points off the receivers are answered.
+    pub fn field(&self) -> FieldParams {
+        FieldParams { direct: self.direct, rays: self.receivers.rows.rays }
     }
 }

@@ -21,6 +21,8 @@ pub struct Model {
     pub bvh: Bvh,
     /// Where radiosity is known.
     pub sites: Sites,
+    /// Which sites see each other.
+    pub graph: Neighbours,
     /// Which site speaks for which bit of surface.
     pub cells: Cells,
     /// Lights aimed at.
@@ -59,19 +61,20 @@ impl Model {
     /// The links of a scene by a plan: lamps, receivers, rows and interpolation; not solved yet.
     pub fn link(scene: Scene, bvh: Bvh, plan: &Plan) -> Self {
         let (sites, _) = Sites::scatter(&scene, &plan.sites);
-        let graph = Neighbours::link(&sites, &bvh);
-        let cells = Cells::new(&scene, &sites, &graph);
+        let (graph, _) = Neighbours::link(&sites, &bvh);
+        let cells = Cells::new(&scene, &sites);
         let (lamps, glowing) = lamps::split(&scene);
         let (albedo, exitance) = materials(&scene, &sites, &glowing);
-        let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, cells: &cells };
-        let direct = Direct::look(around, &graph, &lamps, &plan.direct);
+        let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
+        let direct = Direct::look(around, &lamps, &plan.direct);
         let receivers = Receivers::place(around, &plan.receivers);
         let spread = Spread::fit(around, &receivers);
-        let field = FieldParams { direct: plan.direct, rays: plan.receivers.rows.rays };
+        let field = plan.field();
         Self {
             scene,
             bvh,
             sites,
+            graph,
             cells,
             lamps,
             albedo,
@@ -86,7 +89,7 @@ impl Model {
 
     /// The rays' world.
     pub fn around(&self) -> Surroundings<'_> {
-        Surroundings { scene: &self.scene, bvh: &self.bvh, sites: &self.sites, cells: &self.cells }
+        Surroundings { scene: &self.scene, bvh: &self.bvh, sites: &self.sites, graph: &self.graph, cells: &self.cells }
     }
 
     /// What there is to solve.

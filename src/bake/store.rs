@@ -170,7 +170,7 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours)> {
     let graph = Neighbours::from_arrays(
         archive.array(tag("graph_at"))?.to_vec(),
         archive.array(tag("graph_to"))?.to_vec(),
-        archive.array::<u8>(tag("unclean"))?.to_vec(),
+        archive.array::<u8>(tag("unclean"))?,
     );
     Ok((Sites::from_arrays(arrays), graph))
 }

@@ -13,7 +13,7 @@ use super::lamps::Lamp;
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::Rgb;
 use crate::rays::Bvh;
-use crate::sites::Neighbours;
+use crate::sites::SiteId;
 
 /// How many shadow rays a lamp gets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,12 +49,12 @@ const DIFFERENCE: f32 = 0.02;
 
 impl Direct {
     /// Looks at every lamp from every site.
-    pub fn look(around: Surroundings<'_>, graph: &Neighbours, lamps: &[Lamp], params: &DirectParams) -> Self {
+    pub fn look(around: Surroundings<'_>, lamps: &[Lamp], params: &DirectParams) -> Self {
         let rays = AtomicU64::new(0);
         let views = lamps
             .iter()
             .enumerate()
-            .map(|(k, lamp)| look_at(around, graph, lamp, &params.keyed(k), &rays))
+            .map(|(k, lamp)| look_at(around, lamp, &params.keyed(k), &rays))
             .collect();
         Self { views, rays: rays.into_inner() }
     }
@@ -123,14 +123,13 @@ fn adaptive(bvh: &Bvh, lamp: &Lamp, at: &SurfacePoint, params: &DirectParams, (k
 
 fn look_at(
     around: Surroundings<'_>,
-    graph: &Neighbours,
     lamp: &Lamp,
     params: &DirectParams,
     rays: &AtomicU64,
 ) -> LampView {
     let sites = around.sites;
     let see = |site: usize, count: u32| -> f32 {
-        let at = sites.point(crate::sites::SiteId(site as u32));
+        let at = sites.point(SiteId(site as u32));
         if lamp.coupling(&at) <= 0.0 {
             return f32::NAN;
         }
@@ -142,7 +141,7 @@ fn look_at(
     let in_doubt = |s: usize| {
         let mixed = first[s] > 0.0 && first[s] < 1.0;
         let differs = |o: &u32| (first[*o as usize] - first[s]).abs() > DIFFERENCE;
-        mixed || graph.of(s as u32).iter().any(differs)
+        mixed || around.graph.of(SiteId(s as u32)).iter().any(differs)
     };
     let penumbra: Vec<bool> = (0..sites.len()).into_par_iter().map(in_doubt).collect();
     let refined = |s: usize| {

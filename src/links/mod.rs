@@ -13,7 +13,7 @@ pub mod rows;
 use crate::geometry::SurfacePoint;
 use crate::rays::{Bvh, Hit, Ray};
 use crate::scene::Scene;
-use crate::sites::{Cells, SiteId, Sites};
+use crate::sites::{Cells, Ground, Neighbours, SiteId, Sites};
 
 /// What rays are traced in and what they find: the scene, its hierarchy, its sites and their cells.
 #[derive(Clone, Copy)]
@@ -24,6 +24,8 @@ pub struct Surroundings<'a> {
     pub bvh: &'a Bvh,
     /// Where radiosity is known.
     pub sites: &'a Sites,
+    /// Which sites see each other.
+    pub graph: &'a Neighbours,
     /// Which site speaks for which bit of surface.
     pub cells: &'a Cells,
 }
@@ -39,7 +41,11 @@ pub enum Met {
     Lost,
 }
 
-impl Surroundings<'_> {
+impl<'a> Surroundings<'a> {
+    fn ground(&self) -> Ground<'a> {
+        Ground { scene: self.scene, bvh: self.bvh, sites: self.sites, graph: self.graph }
+    }
+
     /// Whether the ray meets the triangle's back.
     pub fn from_behind(&self, ray: &Ray, hit: &Hit) -> bool {
         let [a, b, c] = self.scene.corners(hit.triangle);
@@ -52,7 +58,7 @@ impl Surroundings<'_> {
         if back && !self.scene.meshes[self.scene.mesh_of(hit.triangle)].two_sided {
             return Met::Black;
         }
-        match self.cells.site(hit.triangle, hit.u, hit.v, back, self.bvh) {
+        match self.cells.site(hit, back, self.ground()) {
             Some(site) => Met::Site(site),
             None => Met::Lost,
         }
@@ -71,14 +77,12 @@ impl Surroundings<'_> {
             Met::Site(site) => Some(site),
             Met::Black | Met::Lost => None,
         });
-        under.or_else(|| self.cells.nearest(point))
+        under.or_else(|| self.ground().represent(*point))
     }
 
-    /// Whether two surface points see each other; their ends are lifted by 3 % of their distance, so that gentle
+    /// Whether two surface points see each other; their ends are lifted by a share of their distance, so that gentle
     /// curvature between them does not count as a wall.
     pub fn mutually_visible(&self, a: &SurfacePoint, b: &SurfacePoint) -> bool {
-        let lift = (0.03 * a.position.distance(b.position)).max(crate::geometry::LIFT);
-        let ray = Ray::between(a.position + a.normal * lift, b.position + b.normal * lift);
-        ray.t_max <= f32::MIN_POSITIVE || !self.bvh.occluded(&ray)
+        crate::sites::neighbours::mutually_visible(*a, *b, self.bvh)
     }
 }
