@@ -143,6 +143,22 @@ impl Superblock {
     pub fn digests(&self) -> Digests {
         Digests { inputs: Digest(self.inputs), options: Digest(self.options) }
     }
+
+    /// What differs between this superblock, found in a file, and the one wanted.
+    pub fn difference(&self, wanted: &Self) -> String {
+        let mut differences = Vec::new();
+        let mut compare = |name: &str, there: String, now: String| {
+            if there != now {
+                differences.push(format!("{name} {there} there, {now} now"));
+            }
+        };
+        compare("format version", self.version.to_string(), wanted.version.to_string());
+        compare("kind of file", self.kind.to_string(), wanted.kind.to_string());
+        let (there, now) = (self.digests(), wanted.digests());
+        compare("digest of inputs", there.inputs.to_string(), now.inputs.to_string());
+        compare("digest of options", there.options.to_string(), now.options.to_string());
+        differences.join("; ")
+    }
 }
 
 /// The 64 bytes before each payload.

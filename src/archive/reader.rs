@@ -10,7 +10,6 @@ use rkyv::util::AlignedVec;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::layout::{ArchivedDirectory, Directory, END_MAGIC, Superblock, TRAILER_BYTES, Trailer, content};
-use super::writer::difference;
 use super::{ALIGNMENT, Access, Digest, Digests, Entry, FORMAT_VERSION, Map, PLAIN, SUPERBLOCK_BYTES, Tag};
 use crate::{Error, Result};
 
@@ -164,7 +163,7 @@ impl<D: AsRef<[u8]>> Archive<D> {
         if wanted == self.superblock {
             return Ok(());
         }
-        Err(Error::JobDiffers { job: self.file.clone(), difference: difference(&self.superblock, &wanted) })
+        Err(Error::JobDiffers { job: self.file.clone(), difference: self.superblock.difference(&wanted) })
     }
 
     /// All blocks in file order.

@@ -10,7 +10,9 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content};
 use super::verify::scan;
-use super::{ALIGNMENT, Digest, Digests, Disk, Entry, PLAIN, SUPERBLOCK_BYTES, Storage, StoredFile, Tag};
+use super::{
+    ALIGNMENT, Block, Digest, Digests, Disk, Entry, PLAIN, SUPERBLOCK_BYTES, Storage, StoredFile, Tag,
+};
 use crate::{Error, Result};
 
 /// Bytes after which the writer makes its blocks durable by itself: what a power loss costs at most. A smaller
@@ -114,7 +116,9 @@ impl<S: Storage> Writer<S> {
     /// As [`Writer::create`].
     pub fn create_in(storage: S, path: &Path, kind: Tag, digests: Digests) -> Result<Self> {
         let partial = partial_path(path);
-        let file = storage.create(&partial).map_err(|source| Error::io(&partial, "creating", source))?;
+        let file = storage
+            .create(&partial)
+            .map_err(|source| refused(&partial, "creating", source, SUPERBLOCK_BYTES as u64))?;
         Self::begin(storage, file, path, &Superblock::new(kind, digests))
     }
 
@@ -129,16 +133,16 @@ impl<S: Storage> Writer<S> {
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 return Ok((Self::create_in(storage, path, kind, digests)?, Resumed::default()));
             }
-            Err(source) => return Err(Error::io(partial, "opening", source)),
+            Err(source) => return Err(refused(&partial, "opening", source, 0)),
         };
         let superblock = Superblock::new(kind, digests);
-        let found = scan(&mut file).map_err(|source| Error::io(&partial, "reading", source))?;
+        let found = scan(&mut file).map_err(|source| refused(&partial, "reading", source, 0))?;
         let Some(present) = found.superblock else {
             let writer = Self::begin(storage, file, path, &superblock)?;
             return Ok((writer, Resumed { blocks: 0, dropped_bytes: found.file_bytes }));
         };
         if present != superblock {
-            return Err(Error::JobDiffers { difference: difference(&present, &superblock), job: partial });
+            return Err(Error::JobDiffers { difference: present.difference(&superblock), job: partial });
         }
         let mut writer = Self::unwritten(storage, file, path, superblock.crc);
         (writer.entries, writer.end) = (found.entries, found.end);
@@ -237,6 +241,17 @@ impl<S: Storage> Writer<S> {
         if self.end - self.synced >= CHECKPOINT_BYTES { self.checkpoint() } else { Ok(()) }
     }
 
+    /// Appends a copy of another archive's block, encoded as it is, once its checksum holds: repairs are made of copies
+    /// of the whole blocks and of new ones.
+    ///
+    /// # Errors
+    /// As [`Writer::append`]; [`Error::Damaged`] when the block is damaged.
+    pub fn append_copy<D: AsRef<[u8]>>(&mut self, block: Block<'_, D>) -> Result<()> {
+        let &Entry { tag, codec, element_bytes, raw_bytes, .. } = block.entry();
+        let payload = Encoded { codec, element_bytes, raw_bytes, bytes: block.stored()? };
+        self.append_bytes(tag, block.range(), payload)
+    }
+
     /// Makes every block so far durable: what a power loss cannot take back.
     ///
     /// # Errors
@@ -273,7 +288,7 @@ impl<S: Storage> Writer<S> {
         self.storage
             .rename(&self.partial, &self.path)
             .and_then(|()| self.storage.sync_directory(directory_of(&self.path)))
-            .map_err(|source| Error::io(&self.path, "renaming the finished file", source))?;
+            .map_err(|source| refused(&self.path, "renaming the finished file", source, 0))?;
         Ok(Finished { path: self.path, bytes: trailer.file_bytes, blocks, content })
     }
 
@@ -337,13 +352,16 @@ impl<S: Storage> Writer<S> {
     }
 
     fn failed(&self, action: &str, source: io::Error, needed_bytes: u64) -> Error {
-        if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
-            let needed_bytes =
-                needed_bytes.max(self.reserved.saturating_sub(self.end)).max(TRAILER_BYTES as u64);
-            return Error::DiskFull { file: self.partial.clone(), needed_bytes };
-        }
-        Error::io(&self.partial, action, source)
+        refused(&self.partial, action, source, needed_bytes.max(self.reserved.saturating_sub(self.end)))
     }
+}
+
+/// The storage's refusal as an error; where it is full, with the bytes that were still to come as far as is known.
+fn refused(file: &Path, action: &str, source: io::Error, needed_bytes: u64) -> Error {
+    if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
+        return Error::DiskFull { file: file.into(), needed_bytes: needed_bytes.max(TRAILER_BYTES as u64) };
+    }
+    Error::io(file, action, source)
 }
 
 /// `write_all` that also says how far it came.
@@ -373,22 +391,6 @@ fn directory_of(path: &Path) -> &Path {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     }
-}
-
-/// What differs between the superblock found and the one wanted.
-pub(super) fn difference(found: &Superblock, wanted: &Superblock) -> String {
-    let mut differences = Vec::new();
-    let mut compare = |name: &str, there: String, now: String| {
-        if there != now {
-            differences.push(format!("{name} {there} there, {now} now"));
-        }
-    };
-    compare("format version", found.version.to_string(), wanted.version.to_string());
-    compare("kind of file", found.kind.to_string(), wanted.kind.to_string());
-    let (there, now) = (found.digests(), wanted.digests());
-    compare("digest of inputs", there.inputs.to_string(), now.inputs.to_string());
-    compare("digest of options", there.options.to_string(), now.options.to_string());
-    differences.join("; ")
 }
 
 const _: () = assert!(HEADER_BYTES.is_multiple_of(ALIGNMENT) && SUPERBLOCK_BYTES.is_multiple_of(ALIGNMENT));
