@@ -1,1 +1,4 @@
 //! output
+
+pub mod file;
+pub mod points;

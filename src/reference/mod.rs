@@ -96,7 +96,7 @@ pub fn irradiance(
 /// The mean of one replicate's paths.
 fn replicate(tracer: &Tracer<'_>, point: &SurfacePoint, key: u64, length: u32) -> DVec3 {
     let paths = (0..length).map(|sample| tracer.irradiance(point, &Draws { replicate: key, sample }));
-    paths.map(|light| light.as_dvec3()).sum::<DVec3>() / f64::from(length)
+    paths.map(Rgb::as_dvec3).sum::<DVec3>() / f64::from(length)
 }
 
 /// Mean and standard error over the replicates, the lamps' exact direct light added.
