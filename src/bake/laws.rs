@@ -15,8 +15,10 @@ pub struct Plan {
     pub direct: DirectParams,
     /// Receivers and rows.
     pub receivers: ReceiverParams,
-    /// Relative residual of the solver.
+    /// Relative residual of the solver, before the division by 1 − ρ.
     pub tolerance: f64,
+    /// Points that judge the result.
+    pub judges: usize,
 }
 
 impl Plan {
@@ -39,6 +41,7 @@ impl Plan {
             },
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
+            judges: 200,
         }
     }
 

@@ -1,11 +1,10 @@
 //! A scene with everything a bake makes of it, in memory.
 
-use crate::bake::laws::Plan;
 use crate::geometry::triangle;
 use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
-use crate::links::lamps::{self, Lamp};
+use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
 use crate::rays::Bvh;
 use crate::scene::Scene;
@@ -52,44 +51,25 @@ pub fn materials(scene: &Scene, sites: &Sites, glowing: &[bool]) -> (Vec<Rgb>, V
         let [u, v] = sites.barycentrics[s];
         albedo.push(scene.albedo(t, u, v));
         let mesh = scene.mesh_of(t);
-        exitance.push(if glowing[mesh] { scene.meshes[mesh].radiance * std::f32::consts::PI } else { Rgb::ZERO });
+        exitance.push(if glowing[mesh] {
+            scene.meshes[mesh].radiance * std::f32::consts::PI
+        } else {
+            Rgb::ZERO
+        });
     }
     (albedo, exitance)
 }
 
 impl Model {
-    /// The links of a scene by a plan: lamps, receivers, rows and interpolation; not solved yet.
-    pub fn link(scene: Scene, bvh: Bvh, plan: &Plan) -> Self {
-        let (sites, _) = Sites::scatter(&scene, &plan.sites);
-        let (graph, _) = Neighbours::link(&sites, &bvh);
-        let cells = Cells::new(&scene, &sites);
-        let (lamps, glowing) = lamps::split(&scene);
-        let (albedo, exitance) = materials(&scene, &sites, &glowing);
-        let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
-        let direct = Direct::look(around, &lamps, &plan.direct);
-        let receivers = Receivers::place(around, &plan.receivers);
-        let spread = Spread::fit(around, &receivers);
-        let field = plan.field();
-        Self {
-            scene,
-            bvh,
-            sites,
-            graph,
-            cells,
-            lamps,
-            albedo,
-            exitance,
-            direct,
-            receivers,
-            spread,
-            solution: Solution::default(),
-            field,
-        }
-    }
-
     /// The rays' world.
     pub fn around(&self) -> Surroundings<'_> {
-        Surroundings { scene: &self.scene, bvh: &self.bvh, sites: &self.sites, graph: &self.graph, cells: &self.cells }
+        Surroundings {
+            scene: &self.scene,
+            bvh: &self.bvh,
+            sites: &self.sites,
+            graph: &self.graph,
+            cells: &self.cells,
+        }
     }
 
     /// What there is to solve.

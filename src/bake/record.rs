@@ -194,7 +194,8 @@ impl SceneRecord {
     /// The scene again, from its tables and arrays. Errors say what does not fit.
     pub fn restore(self, vertices: &[Vec3], triangles: &[[u32; 3]], flat: &[Vec3]) -> Result<Scene, String> {
         let meshes = self.meshes.into_iter().map(|m| m.restore(flat)).collect::<Result<Vec<_>, _>>()?;
-        let covered = meshes.iter().try_fold(0, |end, m: &Mesh| (m.triangles.start == end).then_some(m.triangles.end));
+        let covered =
+            meshes.iter().try_fold(0, |end, m: &Mesh| (m.triangles.start == end).then_some(m.triangles.end));
         if covered != Some(triangles.len() as u32) {
             return Err(format!("expected meshes that cover {} triangles", triangles.len()));
         }
@@ -231,7 +232,8 @@ impl MeshRecord {
                 factor: Vec3::from_array(factor),
             },
         };
-        let normals = self.normals.map(|start| slice(flat, start, vertices.len()).map(<[_]>::to_vec)).transpose()?;
+        let normals =
+            self.normals.map(|start| slice(flat, start, vertices.len()).map(<[_]>::to_vec)).transpose()?;
         Ok(Mesh {
             name: self.name,
             file: PathBuf::from(self.file),

@@ -9,6 +9,7 @@ use super::model::{Model, materials};
 use super::record::{self, SceneRecord};
 use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
 use crate::error::{Error, Result};
+use crate::geometry::SurfacePoint;
 use crate::links::compress;
 use crate::links::direct::{Direct, LampView};
 use crate::links::lamps;
@@ -19,7 +20,6 @@ use crate::sites::{Cells, LevelRatio, Neighbours, SiteArrays, SiteId, Sites};
 use crate::solve::Solution;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
-use crate::geometry::SurfacePoint;
 
 /// Rows per block of links.
 const BLOCK_ROWS: usize = 4096;
@@ -63,7 +63,21 @@ pub fn read(job: &Path, plan: &Plan) -> Result<Model> {
     let (direct, receivers, spread) = read_links(job, &sites, lamps.len())?;
     let solution = read_light(job, &receivers, &sites)?;
     let field = plan.field();
-    Ok(Model { scene, bvh, sites, graph, cells, lamps, albedo, exitance, direct, receivers, spread, solution, field })
+    Ok(Model {
+        scene,
+        bvh,
+        sites,
+        graph,
+        cells,
+        lamps,
+        albedo,
+        exitance,
+        direct,
+        receivers,
+        spread,
+        solution,
+        field,
+    })
 }
 
 fn finish(writer: Writer, report: &mut StoreReport) -> Result<()> {
@@ -117,9 +131,14 @@ fn read_scene(job: &Path) -> Result<(crate::scene::Scene, Bvh)> {
     let tables: SceneRecord = rkyv::from_bytes::<SceneRecord, rkyv::rancor::BoxedError>(&aligned)
         .map_err(|e| damaged(&archive, "tables", e.to_string()))?;
     let scene = tables
-        .restore(archive.array(tag("vertices"))?, archive.array(tag("corners"))?, archive.array(tag("attribs"))?)
+        .restore(
+            archive.array(tag("vertices"))?,
+            archive.array(tag("corners"))?,
+            archive.array(tag("attribs"))?,
+        )
         .map_err(|problem| damaged(&archive, "tables", problem))?;
-    let bvh = Bvh::from_archive(archive, tag("branches"), tag("packets"))?;
+    let bvh = Bvh::from_arrays(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
+        .map_err(|problem| damaged(&archive, "branches", problem.to_string()))?;
     Ok((scene, bvh))
 }
 
@@ -128,7 +147,11 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     let all = 0..a.positions.len() as u64;
     let mut w = create(job, "sites", digests)?;
     let ratio = if a.ratio == LevelRatio::Two { 2.0 } else { std::f32::consts::SQRT_2 };
-    w.append(tag("frame"), 0..1, &[a.spacing, f32::from(a.finest), ratio, a.corner.x, a.corner.y, a.corner.z])?;
+    w.append(
+        tag("frame"),
+        0..1,
+        &[a.spacing, f32::from(a.finest), ratio, a.corner.x, a.corner.y, a.corner.z],
+    )?;
     w.append(tag("position"), all.clone(), &a.positions)?;
     w.append(tag("normal"), all.clone(), &a.normals)?;
     w.append(tag("area"), all.clone(), &a.areas)?;
@@ -234,7 +257,8 @@ fn read_links(job: &Path, sites: &Sites, lamps: usize) -> Result<(Direct, Receiv
     same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
     same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;
     let receivers = read_receivers(&archive, sites)?;
-    let ascends = spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
+    let ascends =
+        spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
         return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
     }

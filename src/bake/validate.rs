@@ -53,7 +53,8 @@ pub fn judge(field: &Field<'_>, params: &ValidateParams) -> Estimate {
             .collect();
         let answers = field.evaluate(&points);
         let dark = |k: usize| answers[k].total().max_element() <= 0.0;
-        let chosen: Vec<usize> = (0..points.len()).filter(|&k| !dark(k)).take(params.points - lit.len()).collect();
+        let chosen: Vec<usize> =
+            (0..points.len()).filter(|&k| !dark(k)).take(params.points - lit.len()).collect();
         let samples: Vec<Sample> = chosen.par_iter().map(|&k| sample(field, &points[k], params)).collect();
         rays += samples.len() as u64 * u64::from(params.rays);
         lit.extend(samples);
@@ -79,14 +80,22 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
     let problem = &field.problem;
     let got = field.evaluate(std::slice::from_ref(point))[0];
     let mut row = Rows::new(params.rays);
-    let key = hash::mix2(params.seed, u64::from(point.position.x.to_bits()) ^ u64::from(point.position.y.to_bits()) << 32);
+    let key = hash::mix2(
+        params.seed,
+        u64::from(point.position.x.to_bits()) ^ u64::from(point.position.y.to_bits()) << 32,
+    );
     row.extend_serial(problem.around, point, key);
     let indirect = field.row_light(&row, point);
     let thorough = DirectParams { first: 256, penumbra: 256, seed: params.seed };
-    let direct =
-        problem.direct.at_point(problem.around.bvh, problem.lamps, &thorough, &Query { point: *point, site: None, key });
+    let direct = problem.direct.at_point(
+        problem.around.bvh,
+        problem.lamps,
+        &thorough,
+        &Query { point: *point, site: None, key },
+    );
     let square = |v: glam::Vec3| f64::from(v.length_squared()) / 3.0;
-    let level = f64::from(mean_channel(indirect)) * ROW_NOISE_AT_1024 * (1024.0 / f64::from(params.rays)).powf(0.75);
+    let level =
+        f64::from(mean_channel(indirect)) * ROW_NOISE_AT_1024 * (1024.0 / f64::from(params.rays)).powf(0.75);
     Sample {
         direct: square(got.direct - direct),
         indirect: square(got.indirect - indirect),
@@ -98,7 +107,8 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
 
 impl Estimate {
     fn from_samples(samples: &[Sample], _: &ValidateParams) -> Self {
-        let mean = |f: &dyn Fn(&Sample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len().max(1) as f64;
+        let mean =
+            |f: &dyn Fn(&Sample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len().max(1) as f64;
         let level = mean(&|s| s.mean).max(f64::MIN_POSITIVE);
         let noise = mean(&|s| s.noise);
         let relative = |square: f64| square.max(0.0).sqrt() / level;
@@ -143,6 +153,7 @@ impl Surface {
         let corners = scene.corners(t);
         let (u, v) = triangle::uniform_barycentric(hash::unit_pair(seed ^ 0xa5a5, index));
         let normal = triangle::normal(corners) * if back { -1.0 } else { 1.0 };
-        (normal != glam::Vec3::ZERO).then(|| SurfacePoint { position: triangle::point(corners, u, v), normal })
+        (normal != glam::Vec3::ZERO)
+            .then(|| SurfacePoint { position: triangle::point(corners, u, v), normal })
     }
 }

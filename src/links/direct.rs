@@ -78,7 +78,8 @@ impl Direct {
                 continue;
             }
             let site = query.site.map(|s| s as usize);
-            let known = site.filter(|&s| !view.penumbra[s] && !lamp.is_punctual()).map(|s| view.visibility[s]);
+            let known =
+                site.filter(|&s| !view.penumbra[s] && !lamp.is_punctual()).map(|s| view.visibility[s]);
             let visibility = match known.filter(|v| !v.is_nan()) {
                 Some(v) => v,
                 None => {
@@ -111,7 +112,13 @@ impl DirectParams {
 }
 
 /// Visibility at a point off the sites: all rays where in doubt, else a few and more only if they disagree.
-fn adaptive(bvh: &Bvh, lamp: &Lamp, at: &SurfacePoint, params: &DirectParams, (key, doubt): (u64, bool)) -> f32 {
+fn adaptive(
+    bvh: &Bvh,
+    lamp: &Lamp,
+    at: &SurfacePoint,
+    params: &DirectParams,
+    (key, doubt): (u64, bool),
+) -> f32 {
     let shift = hash::unit_pair(params.seed ^ 0x5eed, key);
     let first = if doubt { params.penumbra } else { params.first };
     let v = lamp.visibility(at, bvh, first, shift).unwrap_or(0.0);
@@ -121,12 +128,7 @@ fn adaptive(bvh: &Bvh, lamp: &Lamp, at: &SurfacePoint, params: &DirectParams, (k
     lamp.visibility(at, bvh, params.penumbra, shift).unwrap_or(0.0)
 }
 
-fn look_at(
-    around: Surroundings<'_>,
-    lamp: &Lamp,
-    params: &DirectParams,
-    rays: &AtomicU64,
-) -> LampView {
+fn look_at(around: Surroundings<'_>, lamp: &Lamp, params: &DirectParams, rays: &AtomicU64) -> LampView {
     let sites = around.sites;
     let see = |site: usize, count: u32| -> f32 {
         let at = sites.point(SiteId(site as u32));

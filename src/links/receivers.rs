@@ -10,9 +10,9 @@ use super::Surroundings;
 use super::rows::{RowParams, Rows};
 use crate::geometry::{SurfacePoint, hash};
 use crate::sites::SiteId;
+use crate::tree::Support;
 use crate::tree::index::{REACH, SupportIndex};
 use crate::tree::mls::{self, Sign};
-use crate::tree::Support;
 
 /// How receivers are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -33,12 +33,20 @@ pub(super) fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Built {
     let t3 = t0.elapsed();
     let plan = arrange(&binary, &folding);
     let t4 = t0.elapsed();
-    let r = fill(&binary, &plan, &clusters, |number: u32| triangles[number as usize].map(|v| vertices[v as usize]));
+    let r = fill(&binary, &plan, &clusters, |number: u32| {
+        triangles[number as usize].map(|v| vertices[v as usize])
+    });
     println!(
         "clusters {:?} obvhs {:?} fold {:?} arrange {:?} fill {:?}; branches/tri {:.3} packet fill {:.3} surface {:.3}",
-        t1, t2 - t1, t3 - t2, t4 - t3, t0.elapsed() - t4,
+        t1,
+        t2 - t1,
+        t3 - t2,
+        t4 - t3,
+        t0.elapsed() - t4,
         r.branches.len() as f64 / triangles.len() as f64,
-        triangles.len() as f64 / r.packets.len() as f64, folding[0].cost[0] / binary.nodes[0].aabb().half_area());
+        triangles.len() as f64 / r.packets.len() as f64,
+        folding[0].cost[0] / binary.nodes[0].aabb().half_area()
+    );
     r
 }
 

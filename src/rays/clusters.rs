@@ -41,8 +41,7 @@ pub(super) fn cluster(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Clusters {
     let mask = index_mask(boxes.len());
     let order: Vec<u32> = keys.iter().map(|key| (key & mask) as u32).collect();
     drop(keys);
-    let blocks: Vec<(Vec<u8>, Vec<Aabb>)> =
-        order.par_chunks(BLOCK).map(|block| cut(block, &boxes)).collect();
+    let blocks: Vec<(Vec<u8>, Vec<Aabb>)> = order.par_chunks(BLOCK).map(|block| cut(block, &boxes)).collect();
     let count = blocks.iter().map(|(lengths, _)| lengths.len()).sum::<usize>();
     let mut clusters =
         Clusters { order, starts: Vec::with_capacity(count + 1), boxes: Vec::with_capacity(count) };
@@ -96,13 +95,8 @@ fn sorted_keys(boxes: &[Aabb]) -> Vec<u64> {
         let at = ((b.min * 0.5 + b.max * 0.5) - all.min) * scale;
         (morton::encode([at.x as u32, at.y as u32, at.z as u32]) << index_bits) | number as u64
     };
-    let mut keys: Vec<u64> = boxes
-        .par_iter()
-        .enumerate()
-        .with_min_len(BLOCK)
-        .filter(|(_, b)| valid(b))
-        .map(key)
-        .collect();
+    let mut keys: Vec<u64> =
+        boxes.par_iter().enumerate().with_min_len(BLOCK).filter(|(_, b)| valid(b)).map(key).collect();
     keys.par_sort_unstable();
     keys
 }

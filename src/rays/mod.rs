@@ -140,6 +140,15 @@ impl Bvh {
         Self { branches: built.branches, packets: built.packets }
     }
 
+    /// From arrays that [`BvhView::branches`] and [`BvhView::packets`] gave.
+    ///
+    /// # Errors
+    /// As [`BvhView::checked`].
+    pub fn from_arrays(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
+        BvhView::checked(branches, packets)?;
+        Ok(Self { branches: branches.to_vec(), packets: packets.to_vec() })
+    }
+
     /// The same queries over borrowed arrays.
     pub fn view(&self) -> BvhView<'_> {
         BvhView { branches: &self.branches, packets: &self.packets }

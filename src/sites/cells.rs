@@ -196,7 +196,6 @@ impl Cells {
             }
         });
     }
-
 }
 
 impl Ground<'_> {

@@ -50,7 +50,11 @@ pub fn solve(
     }
 }
 
-fn neumann(apply: impl Fn(&[Rgb]) -> Vec<Rgb>, b: &[Rgb], params: &IterateParams) -> (Vec<Rgb>, IterateReport) {
+fn neumann(
+    apply: impl Fn(&[Rgb]) -> Vec<Rgb>,
+    b: &[Rgb],
+    params: &IterateParams,
+) -> (Vec<Rgb>, IterateReport) {
     let scale = norms(b);
     let mut sum = b.to_vec();
     let mut term = b.to_vec();
@@ -219,7 +223,9 @@ mod tests {
                 let mut row: Vec<f32> = (0..n)
                     .map(|j| {
                         // A ring with local coupling: a slowly mixing operator, hard for Neumann.
-                        let d = (i as i64 - j as i64).rem_euclid(n as i64).min((j as i64 - i as i64).rem_euclid(n as i64));
+                        let d = (i as i64 - j as i64)
+                            .rem_euclid(n as i64)
+                            .min((j as i64 - i as i64).rem_euclid(n as i64));
                         if d <= 3 { 0.2 + hash::unit(5, (i * n + j) as u64) } else { 0.0 }
                     })
                     .collect();
@@ -239,7 +245,12 @@ mod tests {
         let params = IterateParams { tolerance: 1e-6, most: 1000, bounces: None, largest_albedo: 0.9 };
         let (slow, a) = neumann(&apply, &b, &params);
         let (fast, c) = gmres(&apply, &b, &params);
-        assert!(a.converged && c.converged && c.iterations < a.iterations, "{} against {}", c.iterations, a.iterations);
+        assert!(
+            a.converged && c.converged && c.iterations < a.iterations,
+            "{} against {}",
+            c.iterations,
+            a.iterations
+        );
         for (s, f) in slow.iter().zip(&fast) {
             // Residual 1e-6 of ‖b‖ over (1 − ρ) = 0.1, ‖b‖ ≈ 8: 1e-4.
             assert!((*s - *f).abs().max_element() < 1e-4, "{s} and {f}");
@@ -258,12 +269,11 @@ mod tests {
 
     #[test]
     fn darkness_is_solved_at_once() {
-        let (x, report) = solve(operator(5, 0.9), &[Rgb::ZERO; 5], &IterateParams {
-            tolerance: 1e-6,
-            most: 10,
-            bounces: None,
-            largest_albedo: 0.9,
-        });
+        let (x, report) = solve(
+            operator(5, 0.9),
+            &[Rgb::ZERO; 5],
+            &IterateParams { tolerance: 1e-6, most: 10, bounces: None, largest_albedo: 0.9 },
+        );
         assert!(report.converged && x.iter().all(|v| *v == Rgb::ZERO));
     }
 }

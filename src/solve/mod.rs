@@ -62,8 +62,7 @@ const FLATTEST: f32 = 0.4;
 impl Problem<'_> {
     /// Solves for the light.
     pub fn solve(&self, params: &IterateParams) -> (Solution, IterateReport) {
-        let transport =
-            Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo };
+        let transport = Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo };
         let own = self.unreflected();
         let sky = self.sky_light();
         let mut first = transport.gather(&own);
@@ -114,7 +113,8 @@ impl Problem<'_> {
             .into_par_iter()
             .map(|r| {
                 let normal = normals(r);
-                let directions = Directions::new(normal, self.receivers.rows.keys[r], self.receivers.rows.rays);
+                let directions =
+                    Directions::new(normal, self.receivers.rows.keys[r], self.receivers.rows.rays);
                 let mut sum = Mat3::ZERO;
                 for (at, &met) in lattice.iter().zip(self.receivers.rows.row(r)) {
                     let direction = directions.at(*at);

@@ -26,7 +26,12 @@ impl Transport<'_> {
             .with_min_len(1024)
             .map(|site| {
                 let weights = self.spread.weights_of(site);
-                self.spread.receivers_of(site).iter().zip(weights).map(|(&r, &w)| receivers[r as usize] * w).sum()
+                self.spread
+                    .receivers_of(site)
+                    .iter()
+                    .zip(weights)
+                    .map(|(&r, &w)| receivers[r as usize] * w)
+                    .sum()
             })
             .collect()
     }
