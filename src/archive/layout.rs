@@ -318,3 +318,9 @@ pub(super) fn content(entries: &[Entry], salt: u32) -> Digest {
     }
     Digest(hash.digest128().to_le_bytes())
 }
+
+/// The zeros after a payload of this length.
+pub(super) fn padding(bytes: usize) -> &'static [u8] {
+    const ZEROS: [u8; ALIGNMENT] = [0; ALIGNMENT];
+    &ZEROS[..bytes.next_multiple_of(ALIGNMENT) - bytes]
+}

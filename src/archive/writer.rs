@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::Pod;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content};
+use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content, padding};
 use super::verify::scan;
 use super::{
     ALIGNMENT, Block, Digest, Digests, Disk, Entry, PLAIN, SUPERBLOCK_BYTES, Storage, StoredFile, Tag,
@@ -383,12 +383,6 @@ fn write_counted(file: &mut impl Write, mut bytes: &[u8], written: &mut usize) -
         }
     }
     Ok(())
-}
-
-/// The zeros after a payload of this length.
-fn padding(bytes: usize) -> &'static [u8] {
-    const ZEROS: [u8; ALIGNMENT] = [0; ALIGNMENT];
-    &ZEROS[..bytes.next_multiple_of(ALIGNMENT) - bytes]
 }
 
 fn directory_of(path: &Path) -> &Path {
