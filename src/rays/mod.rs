@@ -1,6 +1,16 @@
 //! Rays against triangles: a bounding-volume hierarchy in flat arrays, closest hits and occlusion, watertight.
 
+mod build;
+#[cfg(target_arch = "x86_64")]
+mod kernels;
+mod layout;
+mod prepare;
+mod scalar;
+
 use glam::Vec3;
+
+pub use layout::{Branch, Child, DEPTH_LIMIT, FAN, LANES, Malformed, NO_TRIANGLE, Packet};
+use prepare::Prepared;
 
 use crate::scene::Scene;
 
@@ -44,25 +54,103 @@ pub struct Hit {
     pub v: f32,
 }
 
+/// The hierarchy over borrowed arrays: an owned one's or a mapped archive's.
+#[derive(Debug, Clone, Copy)]
+pub struct BvhView<'a> {
+    branches: &'a [Branch],
+    packets: &'a [Packet],
+}
+
+impl<'a> BvhView<'a> {
+    /// Takes stored arrays after checking every reference in them, in O(branches).
+    ///
+    /// # Errors
+    /// [`Malformed`] when a reference leaves the arrays or leads backward, or the tree is deeper than [`DEPTH_LIMIT`].
+    pub fn checked(branches: &'a [Branch], packets: &'a [Packet]) -> Result<Self, Malformed> {
+        layout::check(branches, packets.len())?;
+        Ok(Self { branches, packets })
+    }
+
+    /// The branches, root first; empty without triangles.
+    pub fn branches(&self) -> &'a [Branch] {
+        self.branches
+    }
+
+    /// The packets of triangles.
+    pub fn packets(&self) -> &'a [Packet] {
+        self.packets
+    }
+
+    /// The nearest hit of the ray, from either side of a triangle.
+    ///
+    /// Watertight: a ray cannot pass between triangles that share corners. Of hits at the same distance, on a common
+    /// edge, the choice is the hierarchy's but always the same. A ray that is not finite meets nothing.
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        let ray = Prepared::new(ray)?;
+        #[cfg(target_arch = "x86_64")]
+        if kernels::available() {
+            return kernels::closest(self.branches, self.packets, &ray);
+        }
+        scalar::closest(self.branches, self.packets, &ray)
+    }
+
+    /// Whether anything lies on the segment. Watertight like [`BvhView::closest`].
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        let Some(ray) = Prepared::new(ray) else { return false };
+        #[cfg(target_arch = "x86_64")]
+        if kernels::available() {
+            return kernels::occluded(self.branches, self.packets, &ray);
+        }
+        scalar::occluded(self.branches, self.packets, &ray)
+    }
+
+    /// [`BvhView::closest`] without vector instructions: the same answer to the last bit, slower; for tests.
+    pub fn closest_scalar(&self, ray: &Ray) -> Option<Hit> {
+        scalar::closest(self.branches, self.packets, &Prepared::new(ray)?)
+    }
+
+    /// [`BvhView::occluded`] without vector instructions: the same answer, slower; for tests.
+    pub fn occluded_scalar(&self, ray: &Ray) -> bool {
+        Prepared::new(ray).is_some_and(|ray| scalar::occluded(self.branches, self.packets, &ray))
+    }
+}
+
 /// The acceleration structure over a scene's triangles, owned.
-pub struct Bvh {}
+#[derive(Debug)]
+pub struct Bvh {
+    branches: Vec<Branch>,
+    packets: Vec<Packet>,
+}
 
 impl Bvh {
     /// Builds over all triangles of the scene.
     pub fn build(scene: &Scene) -> Self {
-        let _ = scene;
-        Self {}
+        Self::build_triangles(&scene.vertices, &scene.triangles)
     }
 
-    /// The nearest hit of the ray, from either side of a triangle.
+    /// Builds over triangles given by corner indices into `vertices`.
+    ///
+    /// Triangles without area or with corners that are not finite are left out: no ray meets them.
+    ///
+    /// # Panics
+    /// When a corner index is outside `vertices`.
+    pub fn build_triangles(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
+        let built = build::build(vertices, triangles);
+        Self { branches: built.branches, packets: built.packets }
+    }
+
+    /// The same queries over borrowed arrays.
+    pub fn view(&self) -> BvhView<'_> {
+        BvhView { branches: &self.branches, packets: &self.packets }
+    }
+
+    /// The nearest hit of the ray, from either side of a triangle; see [`BvhView::closest`].
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let _ = ray;
-        None
+        self.view().closest(ray)
     }
 
     /// Whether anything lies on the segment.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        let _ = ray;
-        false
+        self.view().occluded(ray)
     }
 }

@@ -3,12 +3,21 @@
 //! World coordinates are read as f64, moved to a local origin and scaled to about unit size before they become f32,
 //! so that every tolerance further on is relative to the scene.
 
+mod assemble;
+pub mod materials;
+pub mod ply;
+pub mod polygon;
+pub mod sky;
+mod toml;
+
+use std::collections::HashSet;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
 
+use crate::error::{Error, Result};
 use crate::geometry::triangle;
 use crate::light::Rgb;
 
@@ -185,6 +194,89 @@ pub struct Scene {
     pub up: Vec3,
     /// What the readers had to say.
     pub warnings: Vec<Warning>,
+}
+
+/// Reads a scene: a bare mesh (`.ply`, `.obj`, `.gltf`, `.glb`) or a scene file (`.toml`).
+///
+/// A bare mesh reflects on both sides, takes its albedo from its materials or vertex colours (0.7 grey without), and
+/// stands under a white sky of radiance 1 unless the file itself has lights. Vertices keep their order and number
+/// (PLY, and OBJ with one material); triangles keep their order, those without area are left out with a warning.
+///
+/// # Errors
+/// [`Error::Input`] with file, place, problem and remedy for anything that cannot be read or that light transport has
+/// no meaning for; [`Error::Io`] when the system fails.
+pub fn load(path: &Path) -> Result<Scene> {
+    let is_scene_file = extension(path) == "toml";
+    let mut contents = if is_scene_file { toml::read(path)? } else { read_mesh(path)? };
+    if !contents.emits() {
+        if is_scene_file {
+            let message = "nothing gives light: add a [sky], a [[lamp]] or a mesh's radiance".to_string();
+            contents.warnings.push(Warning { file: path.to_path_buf(), message });
+        } else {
+            contents.sky = Some(Sky::Constant(Rgb::ONE));
+        }
+    }
+    let stem = stem(path);
+    for part in &mut contents.parts {
+        if part.name.is_empty() {
+            part.name.clone_from(&stem);
+        }
+    }
+    make_unique(contents.parts.iter_mut().map(|part| &mut part.name));
+    make_unique(contents.lamps.iter_mut().map(|lamp| &mut lamp.name));
+    make_unique(contents.cameras.iter_mut().map(|camera| &mut camera.rest.name));
+    contents.into_scene(path)
+}
+
+/// Reads one mesh file by its extension.
+fn read_mesh(path: &Path) -> Result<assemble::Contents> {
+    if !path.exists() {
+        let remedy = "check the path; a scene is a .ply, .obj, .gltf, .glb or .toml file";
+        return Err(Error::input(path, "file", "it does not exist", remedy));
+    }
+    match extension(path).as_str() {
+        "ply" => ply::read(path),
+        other => {
+            let problem = format!("files of kind {other:?} are not read");
+            Err(Error::input(path, "name", problem, "give a .ply, .obj, .gltf, .glb or .toml file"))
+        }
+    }
+}
+
+/// The extension in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_ascii_lowercase())
+}
+
+/// The file's name without its extension.
+fn stem(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "mesh".to_string(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// "lamp", "lamp2", "lamp3", …
+fn numbered(word: &str, number: usize) -> String {
+    if number == 0 { word.to_string() } else { format!("{word}{}", number + 1) }
+}
+
+/// Appends -2, -3, … to names that came before.
+fn make_unique<'a>(names: impl Iterator<Item = &'a mut String>) {
+    let mut taken = HashSet::new();
+    for name in names {
+        let base = name.clone();
+        let mut number = 1;
+        while !taken.insert(name.clone()) {
+            number += 1;
+            *name = format!("{base}-{number}");
+        }
+    }
+}
+
+/// A spot whose light is full up to `inner` radians off its axis and gone from `outer` on.
+fn spot(direction: Vec3, intensity: Rgb, inner: f64, outer: f64) -> LampKind {
+    let outer_cosine = outer.cos() as f32;
+    // A hard edge keeps a sliver of transition, so that nothing divides by zero.
+    let inner_cosine = (inner.cos() as f32).max(outer_cosine + 1.0e-4).min(1.0);
+    LampKind::Spot { position: Vec3::ZERO, direction, intensity, inner_cosine, outer_cosine }
 }
 
 impl Scene {

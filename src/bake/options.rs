@@ -1,0 +1,81 @@
+//! What a bake is asked for.
+
+use serde::{Deserialize, Serialize};
+
+/// The options of one bake. Those that change the result are stored with the job and compared on resuming
+/// ([`Options::difference`]); the rest say how this one run behaves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Options {
+    /// Target relative RMS error of irradiance (0.02 = 2 %).
+    pub error: f64,
+    /// Bounces of light followed at the most; `None` iterates until converged.
+    pub max_bounces: Option<u32>,
+    /// Keys every random number.
+    pub seed: u64,
+    /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
+    #[serde(skip)]
+    pub max_memory_bytes: Option<u64>,
+    /// Throw away what the job directory holds and begin again.
+    #[serde(skip)]
+    pub restart: bool,
+    /// Write `preview.png` and `mesh.ply` into the job when done.
+    #[serde(skip)]
+    pub preview: bool,
+}
+
+impl Default for Options {
+    /// Two percent, all bounces, seed 0.
+    fn default() -> Self {
+        Self {
+            error: 0.02,
+            max_bounces: None,
+            seed: 0,
+            max_memory_bytes: None,
+            restart: false,
+            preview: true,
+        }
+    }
+}
+
+impl Options {
+    /// How the options that change the result differ from those `stored` with a job, in the words of the command
+    /// line; `None` when the stored job answers this request.
+    pub fn difference(&self, stored: &Self) -> Option<String> {
+        let bounces = |limit: Option<u32>| limit.map_or("none".to_owned(), |n| n.to_string());
+        let pairs = [
+            ("--error", stored.error.to_string(), self.error.to_string()),
+            ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
+            ("--seed", stored.seed.to_string(), self.seed.to_string()),
+        ];
+        let lines: Vec<String> = pairs
+            .into_iter()
+            .filter(|(_, there, here)| there != here)
+            .map(|(name, there, here)| format!("{name} was {there}, now {here}"))
+            .collect();
+        (!lines.is_empty()).then(|| lines.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_options_that_change_the_result_make_a_difference() {
+        let stored = Options::default();
+        let same = Options { restart: true, preview: false, max_memory_bytes: Some(1), ..Options::default() };
+        assert_eq!(same.difference(&stored), None);
+        let other = Options { error: 0.01, seed: 7, ..Options::default() };
+        assert_eq!(
+            other.difference(&stored).as_deref(),
+            Some("--error was 0.02, now 0.01, --seed was 0, now 7")
+        );
+    }
+
+    #[test]
+    fn stored_options_read_back() {
+        let options = Options { error: 0.01, max_bounces: Some(3), seed: u64::MAX, ..Options::default() };
+        let text = serde_json::to_string(&options).unwrap();
+        assert_eq!(serde_json::from_str::<Options>(&text).unwrap().difference(&options), None);
+    }
+}

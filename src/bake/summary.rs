@@ -1,0 +1,123 @@
+//! What a bake reports when it is done, and the file that keeps it in the job.
+
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::usage::Usage;
+use crate::error::{Error, Result};
+
+/// The file within the job directory that holds the summary.
+pub const SUMMARY_FILE: &str = "summary.json";
+
+/// One stage's name and cost.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct StageTime {
+    /// The stage's noun: "scene", "bvh", "sites", "tree", "links", "solve", "mesh", "preview".
+    pub name: String,
+    /// Wall-clock time.
+    pub seconds: f64,
+    /// CPU time of all threads.
+    pub cpu_seconds: f64,
+}
+
+/// The figures of a finished bake. All numbers are finite; shares of nothing are 0.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Time and memory.
+    #[serde(flatten)]
+    pub usage: Usage,
+    /// Triangles in the scene.
+    pub triangles: u64,
+    /// Vertices in the scene.
+    pub vertices: u64,
+    /// Sites on all surfaces.
+    pub sites: u64,
+    /// Levels of the hierarchy.
+    pub levels: u32,
+    /// Links stored.
+    pub links: u64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Bytes of the job's archives on disk.
+    pub archive_bytes: u64,
+    /// `archive_bytes` of the link rows per link.
+    pub bytes_per_link: f64,
+    /// The program's own estimate of the relative RMS error of irradiance.
+    pub estimated_error: f64,
+    /// Iterations of the solver.
+    pub iterations: u32,
+    /// Relative residual reached.
+    pub residual: f64,
+    /// Whether the residual met its tolerance.
+    pub converged: bool,
+    /// Cost by stage, in the order they ran.
+    pub stages: Vec<StageTime>,
+    /// Blocks found finished and kept.
+    pub resumed_blocks: u64,
+    /// Blocks made by this run.
+    pub computed_blocks: u64,
+}
+
+impl Summary {
+    /// Writes the summary into the job directory, whole or not at all (temporary name, sync, rename, sync of the
+    /// directory).
+    pub fn write(&self, job: &Path) -> Result<()> {
+        let path = job.join(SUMMARY_FILE);
+        let failed = |source: std::io::Error| Error::io(&path, "writing the summary", source);
+        let mut text = serde_json::to_vec_pretty(self).map_err(|e| failed(e.into()))?;
+        text.push(b'\n');
+        let mut file = tempfile::NamedTempFile::new_in(job).map_err(failed)?;
+        file.write_all(&text).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
+        file.persist(&path).map_err(|e| failed(e.error))?;
+        fs::File::open(job).and_then(|directory| directory.sync_all()).map_err(failed)
+    }
+
+    /// Reads the summary of a finished job. Errors: [`Error::NoJob`] when the file is absent, [`Error::Damaged`]
+    /// when it does not parse.
+    pub fn read(job: &Path) -> Result<Self> {
+        let path = job.join(SUMMARY_FILE);
+        let text = match fs::read(&path) {
+            Ok(text) => text,
+            Err(e)
+                if matches!(e.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) =>
+            {
+                return Err(Error::NoJob { job: job.to_path_buf() });
+            }
+            Err(e) => return Err(Error::io(path, "reading the summary", e)),
+        };
+        serde_json::from_slice(&text).map_err(|e| Error::Damaged {
+            file: path,
+            place: format!("line {}", e.line()),
+            problem: e.to_string(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> Summary {
+        let stage = StageTime { name: "links".into(), seconds: 1.5, cpu_seconds: 2.9 };
+        Summary { sites: 12_345, converged: true, stages: vec![stage], ..Summary::default() }
+    }
+
+    #[test]
+    fn written_summaries_read_back() {
+        let job = tempfile::tempdir().unwrap();
+        sample().write(job.path()).unwrap();
+        assert_eq!(Summary::read(job.path()).unwrap(), sample());
+    }
+
+    #[test]
+    fn absent_and_damaged_summaries_have_their_own_errors() {
+        let job = tempfile::tempdir().unwrap();
+        assert_eq!(Summary::read(job.path()).unwrap_err().exit_code(), 10);
+        assert_eq!(Summary::read(&job.path().join("nowhere")).unwrap_err().exit_code(), 10);
+        fs::write(job.path().join(SUMMARY_FILE), "{\"sites\": 1").unwrap();
+        assert_eq!(Summary::read(job.path()).unwrap_err().exit_code(), 9);
+    }
+}

@@ -1,0 +1,284 @@
+//! From what the readers found to a [`Scene`]: world to local, materials checked, hopeless triangles dropped.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+
+use crate::error::{Error, Result};
+use crate::geometry::triangle;
+use crate::light::Rgb;
+use crate::scene::{Albedo, Camera, Lamp, LampKind, Mesh, Placement, Scene, Sky, Texture, Warning};
+
+/// The albedo of a mesh that comes without any.
+pub const DEFAULT_ALBEDO: Rgb = Rgb::splat(0.7);
+
+/// Where a part's albedo comes from.
+#[derive(Debug, Clone, Default)]
+pub enum Surface {
+    /// Vertex colours if the part has them, otherwise [`DEFAULT_ALBEDO`].
+    #[default]
+    ColoursOrGrey,
+    /// Vertex colours, times a factor; grey where there are none.
+    Colours(Rgb),
+    /// The same everywhere.
+    Constant(Rgb),
+    /// An image over the part's UVs, times a factor.
+    Image(Arc<Texture>, Rgb),
+}
+
+/// One surface as its file has it, in that file's units.
+#[derive(Debug, Clone, Default)]
+pub struct Part {
+    /// The handle for relighting; empty: the caller names it.
+    pub name: String,
+    /// The file it came from; empty: the file read.
+    pub file: PathBuf,
+    /// Positions in file order.
+    pub positions: Vec<DVec3>,
+    /// Corner indices into `positions`, in file order.
+    pub triangles: Vec<[u32; 3]>,
+    /// Normals as written, one per position.
+    pub normals: Option<Vec<Vec3>>,
+    /// Linear colours, one per position.
+    pub colours: Option<Vec<Rgb>>,
+    /// Texture coordinates with v downwards, one per position.
+    pub uv: Option<Vec<Vec2>>,
+    /// Its albedo.
+    pub surface: Surface,
+    /// Emitted radiance, W·m⁻²·sr⁻¹.
+    pub radiance: Rgb,
+    /// Whether its back is black.
+    pub one_sided: bool,
+}
+
+/// A lamp in world coordinates and units.
+#[derive(Debug, Clone)]
+pub struct WorldLamp {
+    /// The handle for relighting.
+    pub name: String,
+    /// Position in world units; of no meaning for a sun.
+    pub position: DVec3,
+    /// Kind and light; its position is filled in later.
+    pub kind: LampKind,
+}
+
+/// A camera in world coordinates.
+#[derive(Debug, Clone)]
+pub struct WorldCamera {
+    /// World position.
+    pub eye: DVec3,
+    /// World point looked at.
+    pub target: DVec3,
+    /// Everything else; eye and target are filled in later.
+    pub rest: Camera,
+}
+
+/// What one file or a whole scene file holds.
+#[derive(Debug, Clone, Default)]
+pub struct Contents {
+    /// Surfaces.
+    pub parts: Vec<Part>,
+    /// Light from outside.
+    pub sky: Option<Sky>,
+    /// Punctual lights.
+    pub lamps: Vec<WorldLamp>,
+    /// Views.
+    pub cameras: Vec<WorldCamera>,
+    /// The direction taken for up, if it was said.
+    pub up: Option<Vec3>,
+    /// What the readers had to say.
+    pub warnings: Vec<Warning>,
+}
+
+impl Contents {
+    /// Whether anything gives light.
+    pub fn emits(&self) -> bool {
+        self.sky.is_some()
+            || !self.lamps.is_empty()
+            || self.parts.iter().any(|part| part.radiance != Rgb::ZERO)
+    }
+
+    /// Moves parts, lamps and cameras by a world transform.
+    pub fn transform(&mut self, by: DAffine3) {
+        let linear = by.matrix3;
+        let turned = |v: Vec3, matrix: DMat3| (matrix * v.as_dvec3()).normalize_or_zero().as_vec3();
+        // Normals go with the cofactors, which need no inverse and keep their sense under mirroring.
+        let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
+        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+        let mirrored = linear.determinant() < 0.0;
+        for part in &mut self.parts {
+            part.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
+            for normal in part.normals.iter_mut().flatten() {
+                *normal = turned(*normal, cofactors) * if mirrored { -1.0 } else { 1.0 };
+            }
+            if mirrored {
+                part.triangles.iter_mut().for_each(|t| t.swap(1, 2));
+            }
+        }
+        for lamp in &mut self.lamps {
+            lamp.position = by.transform_point3(lamp.position);
+            match &mut lamp.kind {
+                LampKind::Sun { direction, .. } | LampKind::Spot { direction, .. } => {
+                    *direction = turned(*direction, linear);
+                }
+                LampKind::Point { .. } => {}
+            }
+        }
+        for camera in &mut self.cameras {
+            camera.eye = by.transform_point3(camera.eye);
+            camera.target = by.transform_point3(camera.target);
+            camera.rest.up = turned(camera.rest.up, linear);
+        }
+    }
+
+    /// Makes the scene.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is no triangle with an area, or an index space or a material is exceeded.
+    pub fn into_scene(mut self, path: &Path) -> Result<Scene> {
+        let placement = placement_of(path, &self.parts)?;
+        let mut scene = Scene {
+            placement,
+            vertices: Vec::new(),
+            triangles: Vec::new(),
+            meshes: Vec::with_capacity(self.parts.len()),
+            sky: self.sky.take(),
+            lamps: self.lamps.iter().map(|lamp| local_lamp(lamp, &placement)).collect(),
+            cameras: self.cameras.iter().map(|camera| local_camera(camera, &placement)).collect(),
+            up: self.up.unwrap_or(Vec3::Y),
+            warnings: std::mem::take(&mut self.warnings),
+        };
+        let mut dropped_parts = 0;
+        for part in self.parts {
+            let file = if part.file.as_os_str().is_empty() { path.to_path_buf() } else { part.file.clone() };
+            dropped_parts += usize::from(!append(&mut scene, part, file)?);
+        }
+        if scene.triangles.is_empty() {
+            let problem = format!("none of {dropped_parts} meshes has a triangle with an area");
+            return Err(Error::input(path, "faces", problem, "give a mesh with faces"));
+        }
+        Ok(scene)
+    }
+}
+
+/// Centre and largest extent of the box around all corners of triangles.
+fn placement_of(path: &Path, parts: &[Part]) -> Result<Placement> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for part in parts {
+        for &corner in part.triangles.iter().flatten() {
+            let at = part.positions[corner as usize];
+            low = low.min(at);
+            high = high.max(at);
+        }
+    }
+    if !low.is_finite() || !high.is_finite() {
+        let problem = "there is no triangle at finite coordinates";
+        return Err(Error::input(path, "faces", problem, "give a mesh with faces"));
+    }
+    let scale = (high - low).max_element();
+    if !(scale > 0.0 && scale.is_finite()) {
+        let problem = format!("the scene's extent is {scale}, all of it lies in one point or overflows");
+        return Err(Error::input(path, "vertices", problem, "check the coordinates and the transform"));
+    }
+    Ok(Placement { origin: low * 0.5 + high * 0.5, scale })
+}
+
+/// Appends a part as a mesh. Gives false when nothing of it was left.
+fn append(scene: &mut Scene, part: Part, file: PathBuf) -> Result<bool> {
+    let too_many = |what: &str| {
+        Error::input(
+            &file,
+            what,
+            "more than 4294967295 in the scene",
+            "split the scene, or simplify the mesh",
+        )
+    };
+    let limit = u32::MAX as usize;
+    if scene.vertices.len() + part.positions.len() > limit {
+        return Err(too_many("vertices"));
+    }
+    if scene.triangles.len() + part.triangles.len() > limit {
+        return Err(too_many("triangles"));
+    }
+    let first_vertex = scene.vertices.len() as u32;
+    let first_triangle = scene.triangles.len() as u32;
+    let placement = scene.placement;
+    scene.vertices.extend(part.positions.iter().map(|&p| placement.to_local(p)));
+    let mut triangles = part.triangles;
+    let before = triangles.len();
+    triangles.iter_mut().flatten().for_each(|corner| *corner += first_vertex);
+    let vertices = &scene.vertices;
+    triangles.retain(|t| triangle::normal(t.map(|corner| vertices[corner as usize])) != Vec3::ZERO);
+    let dropped = before - triangles.len();
+    if dropped > 0 {
+        let message = format!("{dropped} triangles without area dropped (of {before}) in {}", part.name);
+        scene.warnings.push(Warning { file: file.clone(), message });
+    }
+    if scene.triangles.is_empty() {
+        scene.triangles = triangles;
+    } else {
+        scene.triangles.append(&mut triangles);
+    }
+    let end = scene.triangles.len() as u32;
+    let (albedo, message) = albedo_of(part.surface, part.colours, part.uv);
+    scene.warnings.extend(message.map(|message| Warning { file: file.clone(), message }));
+    scene.meshes.push(Mesh {
+        name: part.name,
+        file,
+        triangles: first_triangle..end,
+        vertices: first_vertex..scene.vertices.len() as u32,
+        two_sided: !part.one_sided,
+        albedo,
+        radiance: part.radiance,
+        normals: part.normals,
+    });
+    Ok(end > first_triangle)
+}
+
+/// The mesh's albedo, and what was odd about it.
+fn albedo_of(surface: Surface, colours: Option<Vec<Rgb>>, uv: Option<Vec<Vec2>>) -> (Albedo, Option<String>) {
+    let by_vertex = |mut colours: Vec<Rgb>, factor: Rgb| {
+        colours.iter_mut().for_each(|colour| *colour *= factor);
+        let clamped = super::materials::clamp_reflectance(&mut colours);
+        let message = format!("{clamped} white vertex colours darkened to {}", super::materials::LIMIT);
+        (Albedo::Vertex(colours), (clamped > 0).then_some(message))
+    };
+    match (surface, colours, uv) {
+        (Surface::ColoursOrGrey, Some(colours), _) => by_vertex(colours, Rgb::ONE),
+        (Surface::Colours(factor), Some(colours), _) => by_vertex(colours, factor),
+        (Surface::Constant(albedo), _, _) => (Albedo::Constant(albedo), None),
+        (Surface::Image(texture, factor), _, Some(uv)) => (Albedo::Texture { texture, uv, factor }, None),
+        (Surface::ColoursOrGrey, None, _) => (Albedo::Constant(DEFAULT_ALBEDO), None),
+        _ => {
+            let message = "no colours or texture coordinates for the material: 0.7 grey taken";
+            (Albedo::Constant(DEFAULT_ALBEDO), Some(message.to_string()))
+        }
+    }
+}
+
+fn local_lamp(lamp: &WorldLamp, placement: &Placement) -> Lamp {
+    // Irradiance is I / r² whatever the unit of length: intensities shrink with the square of the scale.
+    let shrink = (1.0 / (placement.scale * placement.scale)) as f32;
+    let at = placement.to_local(lamp.position);
+    let kind = match lamp.kind {
+        LampKind::Point { intensity, .. } => LampKind::Point { position: at, intensity: intensity * shrink },
+        LampKind::Spot { direction, intensity, inner_cosine, outer_cosine, .. } => LampKind::Spot {
+            position: at,
+            direction,
+            intensity: intensity * shrink,
+            inner_cosine,
+            outer_cosine,
+        },
+        sun @ LampKind::Sun { .. } => sun,
+    };
+    Lamp { name: lamp.name.clone(), kind }
+}
+
+fn local_camera(camera: &WorldCamera, placement: &Placement) -> Camera {
+    Camera {
+        eye: placement.to_local(camera.eye),
+        target: placement.to_local(camera.target),
+        ..camera.rest.clone()
+    }
+}

@@ -1,0 +1,159 @@
+//! The body of a PLY: one table after the other, text or binary.
+
+pub mod binary;
+pub mod record;
+pub mod text;
+pub mod window;
+
+use std::fs::File;
+use std::io::{BufReader, Seek, SeekFrom};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+use crate::scene::ply::columns::{COLOUR, Columns, POSITION};
+use crate::scene::ply::faces::Faces;
+use crate::scene::ply::header::{Element, Encoding, Header};
+use crate::scene::ply::vertices::{ColourReader, Vertices};
+use crate::scene::polygon::Count;
+
+/// What a body holds of a mesh.
+pub struct Tables {
+    /// The vertex element.
+    pub vertices: Vertices,
+    /// The face or tristrips element.
+    pub faces: Faces,
+    /// Lines with more numbers than the header declares.
+    pub overlong: Count,
+    /// Whether the faces' colours were floats.
+    pub float_face_colours: bool,
+}
+
+/// What an element is to the reader.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Vertices,
+    Faces,
+    Strips,
+    Skipped,
+}
+
+/// Reads all tables.
+///
+/// # Errors
+/// [`Error::Input`] naming element, row and line or byte.
+pub fn read(path: &Path, mut file: File, file_bytes: u64, header: &Header) -> Result<Tables> {
+    let parts = parts(path, header)?;
+    let columns: Vec<Columns> = header.elements.iter().map(Columns::of).collect();
+    let count = |wanted: Part| {
+        parts.iter().position(|&part| part == wanted).map_or(0, |at| header.elements[at].count)
+    };
+    let coloured =
+        |wanted: Part| parts.iter().position(|&part| part == wanted).and_then(|at| columns[at].roles[COLOUR]);
+    let vertex_columns = parts.iter().position(|&part| part == Part::Vertices).map(|at| &columns[at]);
+    let vertex_columns = vertex_columns.filter(|columns| columns.has(POSITION)).ok_or_else(|| {
+        Error::input(path, "element vertex", "no x, y and z properties", "give the file's vertices positions")
+    })?;
+    // Counts are below the file's size by now, and indices are 32 bits wide.
+    let vertex_count = u32::try_from(count(Part::Vertices)).map_err(|_| {
+        Error::input(
+            path,
+            "element vertex",
+            "more than 4294967295 vertices",
+            "split the mesh into several files",
+        )
+    })?;
+    let mut tables = Tables {
+        vertices: Vertices::with_capacity(vertex_columns, vertex_count as usize),
+        faces: Faces::with_capacity(
+            u64::from(vertex_count),
+            usize::try_from(count(Part::Faces)).unwrap_or(0),
+            coloured(Part::Faces).is_some() && coloured(Part::Vertices).is_none(),
+        ),
+        overlong: Count::default(),
+        float_face_colours: coloured(Part::Faces).is_some_and(super::scalar::Scalar::is_float),
+    };
+    file.seek(SeekFrom::Start(header.body_offset)).map_err(|e| Error::io(path, "seeking to the body", e))?;
+    let work = header.elements.iter().zip(parts.iter().zip(&columns));
+    if header.encoding == Encoding::Ascii {
+        read_text(path, file, header, work, &mut tables)?;
+    } else {
+        let window = window::Window::new(file, header.body_offset, file_bytes);
+        let mut body = binary::Body { path, encoding: header.encoding, window };
+        for (element, (part, columns)) in work {
+            match part {
+                Part::Vertices => body.vertices(element, columns, &mut tables.vertices)?,
+                Part::Faces => body.faces(element, columns, &mut tables.faces)?,
+                Part::Strips => body.strips(element, columns, &mut tables.faces)?,
+                Part::Skipped => body.skip(element, columns)?,
+            }
+        }
+    }
+    Ok(tables)
+}
+
+fn read_text<'a>(
+    path: &Path,
+    file: File,
+    header: &Header,
+    work: impl Iterator<Item = (&'a Element, (&'a Part, &'a Columns))>,
+    tables: &mut Tables,
+) -> Result<()> {
+    let mut body = text::Body {
+        path,
+        source: BufReader::with_capacity(1 << 18, file),
+        line: header.lines,
+        line_end: header.line_end,
+        overlong: Count::default(),
+    };
+    for (element, (part, columns)) in work {
+        let colour_reader = columns.roles[COLOUR].map(ColourReader::new);
+        match part {
+            Part::Vertices => body.rows(element, columns, |_, record| tables.vertices.push(&record.row))?,
+            Part::Faces => body.rows(element, columns, |number, record| {
+                let colour = colour_reader.as_ref().map(|reader| reader.colour(&record.row));
+                tables.faces.push(number, record.indices().into_iter(), colour)
+            })?,
+            Part::Strips => {
+                body.rows(element, columns, |_, record| {
+                    tables.faces.push_strips(record.indices().into_iter())
+                })?;
+            }
+            Part::Skipped => body.skip(element)?,
+        }
+    }
+    tables.overlong = body.overlong;
+    Ok(())
+}
+
+/// Finds the tables of a mesh; the first of a kind counts.
+fn parts(path: &Path, header: &Header) -> Result<Vec<Part>> {
+    let mut parts: Vec<Part> = Vec::new();
+    for element in &header.elements {
+        let part = match element.name.as_str() {
+            "vertex" | "vertices" => Part::Vertices,
+            "face" | "faces" if Columns::of(element).has_indices() => Part::Faces,
+            "tristrips" if Columns::of(element).has_indices() => Part::Strips,
+            _ => Part::Skipped,
+        };
+        parts.push(if parts.contains(&part) { Part::Skipped } else { part });
+    }
+    let names: Vec<&str> = header.elements.iter().map(|element| element.name.as_str()).collect();
+    if !parts.contains(&Part::Vertices) {
+        let problem = format!("no vertex element, so this is no mesh (elements: {})", listed(&names));
+        return Err(Error::input(path, "header", problem, "give a PLY with vertex and face elements"));
+    }
+    let has = |part, element: &Element| part == Part::Faces || (part == Part::Strips && element.count > 0);
+    let full =
+        parts.iter().zip(&header.elements).any(|(&part, element)| has(part, element) && element.count > 0);
+    if !full {
+        let problem =
+            format!("no faces, so this is a point cloud, not a mesh (elements: {})", listed(&names));
+        let remedy = "reconstruct a surface first, e.g. with MeshLab's screened Poisson filter";
+        return Err(Error::input(path, "header", problem, remedy));
+    }
+    Ok(parts)
+}
+
+fn listed(names: &[&str]) -> String {
+    if names.is_empty() { "none".to_string() } else { names.join(", ") }
+}
