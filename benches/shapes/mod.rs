@@ -83,12 +83,12 @@ pub fn surface_point((vertices, triangles): &Mesh, stream: &mut Stream) -> (Vec3
     (triangle::point(corners, u, v), triangle::normal(corners))
 }
 
-/// Segments between random surface points, lifted off the surface: incoherent.
+/// Segments between random surface points through the inside, lifted off the surface: incoherent, some blocked.
 pub fn segments(mesh: &Mesh, count: usize, seed: u64) -> Vec<Ray> {
     let mut stream = Stream::new(seed, 0);
     let mut point = || {
         let (position, normal) = surface_point(mesh, &mut stream);
-        position + normal * LIFT
+        position - normal * LIFT
     };
     (0..count).map(|_| Ray::between(point(), point())).collect()
 }

@@ -1,6 +1,7 @@
 //! Rays against triangles: a bounding-volume hierarchy in flat arrays, closest hits and occlusion, watertight.
 
 mod build;
+mod clusters;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
 mod layout;
