@@ -73,7 +73,7 @@ class Source:
 
 
 def read_sources(root):
-    files = [f for top in ("src", "tests", "benches", "examples") for f in sorted((root / top).rglob("*.rs"))]
+    files = [f for top in ("src", "tests", "benches", "examples", "tools") for f in sorted((root / top).rglob("*.rs"))]
     for file in files:
         text = file.read_text(encoding="utf-8")
         yield Source(file.relative_to(root).as_posix(), text, rust_text.code_only(text))

@@ -90,6 +90,7 @@ SABOTAGE = [
 ] + [
     ("unsafe elsewhere", "src/links/mod.rs", "// SAFETY: none.\nunsafe fn f() {}\n", "unsafe"),
     ("unsafe in a test", "tests/links.rs", "// SAFETY: none.\nfn f() { unsafe { g() } }\n", "unsafe"),
+    ("unsafe in a bench among the tools", "tools/peer/ours.rs", "// SAFETY: none.\nunsafe fn f() {}\n", "unsafe"),
     ("unsafe in a second file of rays", "src/rays/zebra.rs", "// SAFETY: none.\nunsafe fn f() {}\n", "unsafe"),
     ("unsafe without a reason", "src/archive/map.rs", "\n" * 9 + "unsafe fn g() {}\n", "reason"),
 ]
