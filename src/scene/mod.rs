@@ -3,7 +3,7 @@
 //! World coordinates are read as f64, moved to a local origin and scaled to about unit size before they become f32,
 //! so that every tolerance further on is relative to the scene.
 
-mod assemble;
+pub mod assemble;
 mod faces;
 mod gltf;
 pub mod materials;

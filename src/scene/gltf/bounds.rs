@@ -115,7 +115,9 @@ fn check_accessor(
     };
     let outside = || format!("accessor {number} reaches beyond its buffer");
     match accessor.view() {
-        Some(view) if !within(view.clone(), accessor.offset(), accessor.count(), size) => return Err(outside()),
+        Some(view) if !within(view.clone(), accessor.offset(), accessor.count(), size) => {
+            return Err(outside());
+        }
         None if accessor.sparse().is_none() => return Err(format!("accessor {number} has no data")),
         _ => {}
     }
