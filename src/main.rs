@@ -1,2 +1,5 @@
 //! The `glowtree` program: parse the command line, run one verb, print its report, leave with its exit code.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    glowtree::cli::main()
+}

@@ -4,6 +4,7 @@ pub mod job;
 pub mod laws;
 pub mod model;
 pub mod options;
+pub mod pictures;
 pub mod pipeline;
 pub mod progress;
 pub mod record;

@@ -1,0 +1,44 @@
+//! What a bake leaves for the eye: `mesh.ply` and `preview.png`.
+
+use std::path::Path;
+
+use super::progress::{Monitor, Stage};
+use super::summary::StageTime;
+use crate::error::Result;
+use crate::output::picture::{Quality, frame, png, render};
+use crate::output::{Evaluate, ply};
+use crate::rays::Bvh;
+use crate::scene::Scene;
+
+/// The lit mesh within the job.
+pub const MESH_FILE: &str = "mesh.ply";
+
+/// The picture within the job.
+pub const PREVIEW_FILE: &str = "preview.png";
+
+/// Pixels of the picture.
+const PREVIEW_SIZE: [u32; 2] = [768, 512];
+
+/// Writes both files into the job directory and says what they took.
+///
+/// # Errors
+/// Input/output errors, and [`crate::Error::Interrupted`].
+pub fn write(
+    job: &Path,
+    (scene, bvh): (&Scene, &Bvh),
+    evaluate: &Evaluate<'_>,
+    monitor: &dyn Monitor,
+) -> Result<Vec<StageTime>> {
+    let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
+    ply::export(&job.join(MESH_FILE), scene, evaluate, &|vertices| stage.advance(vertices))?;
+    let mesh = stage.finish();
+    let view = match scene.cameras.first() {
+        Some(camera) => crate::output::picture::View { camera: camera.clone(), see_through: false },
+        None => frame(scene, bvh, PREVIEW_SIZE),
+    };
+    let [width, height] = view.camera.size;
+    let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
+    let film = render(scene, bvh, evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
+    png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
+    Ok(vec![mesh, stage.finish()])
+}

@@ -1,0 +1,182 @@
+//! The command line's grammar.
+
+use std::path::PathBuf;
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+use super::values;
+
+/// Diffuse global illumination for scenes bigger than memory.
+#[derive(Debug, Parser)]
+#[command(name = "glowtree", version, arg_required_else_help = true, propagate_version = true)]
+pub struct Arguments {
+    /// How to talk.
+    #[command(flatten)]
+    pub manners: Manners,
+    /// What to do.
+    #[command(subcommand)]
+    pub verb: Verb,
+}
+
+/// Flags that all verbs share.
+#[derive(Debug, Clone, Args)]
+pub struct Manners {
+    /// Print errors only
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    /// Say more; twice for still more
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Print JSON lines on standard output and nothing else there
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// How to show progress; auto shows bars on a terminal, lines off it, JSON lines with --json
+    #[arg(long, global = true, value_enum, value_name = "HOW", default_value_t = Progress::Auto)]
+    pub progress: Progress,
+    /// Worker threads [default: one per processor]
+    #[arg(short = 'j', long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub threads: Option<u16>,
+    /// When to colour messages
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = Colour::Auto)]
+    pub color: Colour,
+}
+
+/// Ways to show progress.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Progress {
+    /// What suits the place
+    Auto,
+    /// Bars on standard error
+    Bar,
+    /// Lines on standard error: one per stage, and one every 30 seconds
+    Plain,
+    /// JSON lines, on standard output with --json, else on standard error
+    Json,
+    /// Nothing
+    None,
+}
+
+/// When to colour messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Colour {
+    /// On a terminal, unless NO_COLOR is set
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// What the program can do.
+#[derive(Debug, Subcommand)]
+pub enum Verb {
+    /// Find the light of a scene and keep it in a job directory
+    #[command(after_help = EXIT_CODES)]
+    Bake(Bake),
+    /// Write the light of a job per vertex of its mesh
+    Export(Export),
+    /// Make an image of a job from a camera
+    Render(Render),
+    /// Show what a job holds: counts, bytes, timings
+    Inspect(Inspect),
+    /// Print a completion script for a shell
+    Completions(Completions),
+    /// Print the manual page (roff)
+    Man,
+}
+
+const EXIT_CODES: &str = "Interrupted, or out of disk, the same command again resumes.\n\
+    Exit codes: 0 done, 1 other error, 2 usage, 3 job exists with other inputs or options, 4 input invalid, \
+    6 over --max-memory, 7 disk full, 8 input/output error, 9 archive damaged, 10 no such job, 11 job locked, \
+    12 not converged, 130/143 interrupted.";
+
+/// `bake SCENE`
+#[derive(Debug, Args)]
+pub struct Bake {
+    /// A mesh (.ply, .obj, .gltf, .glb) or a scene.toml
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Job directory to write [default: <scene>.glow in the working directory]
+    #[arg(short, long, value_name = "JOB")]
+    pub output: Option<PathBuf>,
+    /// Target relative RMS error of irradiance, as 2% or 0.02
+    #[arg(long, value_name = "SHARE", default_value = "2%", value_parser = values::share)]
+    pub error: f64,
+    /// Anonymous memory to stay within, as 4GiB, 500MB or bytes
+    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
+    pub max_memory: Option<u64>,
+    /// Follow light over at most N reflections [default: until converged]
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Throw away what the job directory holds and begin again
+    #[arg(long)]
+    pub restart: bool,
+    /// Write neither JOB/preview.png nor JOB/mesh.ply
+    #[arg(long)]
+    pub no_preview: bool,
+}
+
+/// `export JOB`
+#[derive(Debug, Args)]
+pub struct Export {
+    /// A baked job directory
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// File to write: .ply
+    #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["ply"]))]
+    pub output: PathBuf,
+}
+
+/// `render JOB`
+#[derive(Debug, Args)]
+pub struct Render {
+    /// A baked job directory
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// The scene's camera of this name [default: its first, or one that shows the whole scene]
+    #[arg(long, value_name = "NAME")]
+    pub camera: Option<String>,
+    /// Image to write: .exr with layers, or .png
+    #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["exr", "png"]))]
+    pub output: PathBuf,
+}
+
+/// `inspect JOB`
+#[derive(Debug, Args)]
+pub struct Inspect {
+    /// A baked job directory
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+}
+
+/// `completions SHELL`
+#[derive(Debug, Args)]
+pub struct Completions {
+    /// The shell
+    #[arg(value_enum)]
+    pub shell: clap_complete::Shell,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_grammar_is_sound() {
+        Arguments::command().debug_assert();
+    }
+
+    #[test]
+    fn flags_may_stand_before_and_after_the_verb() {
+        let words =
+            ["glowtree", "--json", "bake", "a.ply", "--error", "0.5%", "-j", "2", "--max-memory", "4GiB"];
+        let arguments = Arguments::try_parse_from(words).unwrap();
+        assert!(arguments.manners.json && arguments.manners.threads == Some(2));
+        let Verb::Bake(bake) = arguments.verb else { panic!("{arguments:?}") };
+        assert_eq!((bake.error, bake.max_memory), (0.005, Some(4 << 30)));
+    }
+}
