@@ -116,8 +116,8 @@ fn the_collected_files_get_their_answers() {
 }
 
 fn list(folder: &Path, found: &mut Vec<std::path::PathBuf>) {
-    for entry in std::fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
+    for entry in std::fs::read_dir(folder).expect("the folder") {
+        let path = entry.expect("an entry").path();
         if path.is_dir() {
             list(&path, found);
         } else if path.extension().is_some_and(|e| e != "md" && e != "bin") {
@@ -182,6 +182,7 @@ const SQUARES: &[(&str, &str, Answer)] = &[
     ("4 0 1 2 3", "1e300 0 1 2 3", Reject(&["a list of 1"])),
     ("4 0 1 2 3", "5 0 1 2 3", Reject(&["fewer numbers"])),
     ("4 0 1 2 3", "3 0 1 2 3", Accept(1, "more numbers")),
+    ("4 0 1 2 3", "4 0 1 2 3\n3 0 1 2", Accept(2, "after the last row")),
     ("4 0 1 2 3", "4 0 1 1 3", Accept(1, "")),
     ("4 0 1 2 3", "2 0 1", Reject(&["no triangle"])),
     ("4 0 1 2 3", "3 0 0 0", Reject(&["one point"])),
@@ -460,6 +461,13 @@ fn broken_scene_files_get_their_answers() {
     judge("not UTF-8", &Reject(&["UTF-8"]), || folder.load("latin.toml", b"# caf\xe9\n"));
     let twice = format!("{GOOD_TOML}[[mesh]]\nfile = \"square2.ply\"\nname = \"wall\"\n");
     judge("twice", &Reject(&["mesh.name", "taken"]), || folder.load("twice.toml", twice));
+    let lamp = format!(
+        "{GOOD_TOML}[[lamp]]\nkind = \"point\"\nposition = [0, 0, 0]\nintensity = 1\nname = \"wall\"\n"
+    );
+    judge("lamp named as a mesh", &Reject(&["lamp.name", "taken"]), || folder.load("lamp.toml", lamp));
+    let far =
+        SQUARE_PLY.replace("element vertex 4", "element vertex 5").replace("4 0 1", "1e300 -1e300 0\n4 0 1");
+    judge("a stray vertex", &Accept(2, ""), || folder.load("far.ply", far));
     judge("dark", &Accept(2, "nothing gives light"), || {
         folder.load("dark.toml", "[[mesh]]\nfile = \"square2.ply\"\n")
     });

@@ -12,7 +12,7 @@ fn load(toml: &str) -> Scene {
     folder.write("b.ply", SQUARE_PLY.replace("1 1 0", "1 1 1"));
     let mut picture = image::RgbImage::new(1, 2);
     picture.put_pixel(0, 1, image::Rgb([255, 0, 0]));
-    picture.save(folder.write("p.png", "")).unwrap();
+    picture.save(folder.write("p.png", "")).expect("writing a picture");
     let head = "property float z\nproperty float s\nproperty float t";
     let mut mapped = SQUARE_PLY.replace("property float z", head);
     for (row, uv) in [("0 0 0", "0 0"), ("1 0 0", "1 0"), ("1 1 0", "1 1"), ("0 1 0", "0 1")] {

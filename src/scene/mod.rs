@@ -232,8 +232,9 @@ pub fn load(path: &Path) -> Result<Scene> {
             part.name.clone_from(&stem);
         }
     }
-    make_unique(contents.parts.iter_mut().map(|part| &mut part.name));
-    make_unique(contents.lamps.iter_mut().map(|lamp| &mut lamp.name));
+    // Meshes and lamps share one space of names: relighting addresses both.
+    let meshes = contents.parts.iter_mut().map(|part| &mut part.name);
+    make_unique(meshes.chain(contents.lamps.iter_mut().map(|lamp| &mut lamp.name)));
     make_unique(contents.cameras.iter_mut().map(|camera| &mut camera.rest.name));
     contents.into_scene(path)
 }
