@@ -3,8 +3,11 @@
 //! World coordinates are read as f64, moved to a local origin and scaled to about unit size before they become f32,
 //! so that every tolerance further on is relative to the scene.
 
-mod assemble;
+pub mod assemble;
+mod faces;
+mod gltf;
 pub mod materials;
+mod obj;
 pub mod ply;
 pub mod polygon;
 pub mod sky;
@@ -206,6 +209,13 @@ pub struct Scene {
 /// [`Error::Input`] with file, place, problem and remedy for anything that cannot be read or that light transport has
 /// no meaning for; [`Error::Io`] when the system fails.
 pub fn load(path: &Path) -> Result<Scene> {
+    let remedy = "give a .ply, .obj, .gltf, .glb or .toml file";
+    if !path.exists() {
+        return Err(Error::input(path, "file", "it does not exist", format!("check the path, or {remedy}")));
+    }
+    if path.is_dir() {
+        return Err(Error::input(path, "file", "it is a folder", remedy));
+    }
     let is_scene_file = extension(path) == "toml";
     let mut contents = if is_scene_file { toml::read(path)? } else { read_mesh(path)? };
     if !contents.emits() {
@@ -230,12 +240,10 @@ pub fn load(path: &Path) -> Result<Scene> {
 
 /// Reads one mesh file by its extension.
 fn read_mesh(path: &Path) -> Result<assemble::Contents> {
-    if !path.exists() {
-        let remedy = "check the path; a scene is a .ply, .obj, .gltf, .glb or .toml file";
-        return Err(Error::input(path, "file", "it does not exist", remedy));
-    }
     match extension(path).as_str() {
         "ply" => ply::read(path),
+        "obj" => obj::read(path),
+        "gltf" | "glb" => gltf::read(path),
         other => {
             let problem = format!("files of kind {other:?} are not read");
             Err(Error::input(path, "name", problem, "give a .ply, .obj, .gltf, .glb or .toml file"))
