@@ -68,7 +68,10 @@ fn level_spacing(first: f32, wanted: f32) -> f32 {
     spacing
 }
 
-/// Per active piece the spacing wanted at its first candidate.
+/// Points of a piece that are asked for the spacing they want.
+const ASKED: usize = 5;
+
+/// Per active piece the smallest spacing wanted at some of its candidates.
 fn wants(
     growth: &Growth<'_>,
     candidates: &[Candidate],
@@ -79,7 +82,10 @@ fn wants(
         .with_min_len(64)
         .map(|piece| {
             let first = candidates.partition_point(|c| (c.piece as usize) < piece);
-            candidates.get(first).and_then(|c| wanted(&c.point))
+            let own = candidates[first..].partition_point(|c| c.piece as usize == piece);
+            let step = own.div_ceil(ASKED).max(1);
+            let asked = candidates[first..first + own].iter().step_by(step);
+            asked.filter_map(|c| wanted(&c.point)).min_by(f32::total_cmp)
         })
         .collect()
 }
