@@ -12,11 +12,12 @@ use rayon::prelude::*;
 
 use super::clusters::{Clusters, cluster};
 use super::layout::{Branch, Child, FAN, Packet};
+use super::memory::Slab;
 
 /// The two arrays under construction.
 pub(super) struct Built {
-    pub branches: Vec<Branch>,
-    pub packets: Vec<Packet>,
+    pub branches: Slab<Branch>,
+    pub packets: Slab<Packet>,
 }
 
 /// Builds over the triangles that have an area.
@@ -25,7 +26,7 @@ pub(super) fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Built {
     let clusters = cluster(vertices, triangles);
     let t1 = t0.elapsed();
     if clusters.boxes.is_empty() {
-        return Built { branches: Vec::new(), packets: Vec::new() };
+        return Built { branches: Slab::zeroed(0), packets: Slab::zeroed(0) };
     }
     let binary = binary_tree(&clusters);
     let t2 = t0.elapsed();
@@ -37,8 +38,8 @@ pub(super) fn build(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Built {
     println!(
         "clusters {:?} obvhs {:?} fold {:?} arrange {:?} fill {:?}; branches/tri {:.3} packet fill {:.3} surface {:.3}",
         t1, t2 - t1, t3 - t2, t4 - t3, t0.elapsed() - t4,
-        r.branches.len() as f64 / triangles.len() as f64,
-        triangles.len() as f64 / r.packets.len() as f64, folding[0].cost[0] / binary.nodes[0].aabb().half_area());
+        r.branches.slice().len() as f64 / triangles.len() as f64,
+        triangles.len() as f64 / r.packets.slice().len() as f64, folding[0].cost[0] / binary.nodes[0].aabb().half_area());
     r
 }
 
@@ -229,8 +230,10 @@ fn fill(
         }
         packet
     };
-    Built {
-        branches: plan.par_iter().with_min_len(4096).map(branch).collect(),
-        packets: runs.par_iter().with_min_len(4096).map(packet).collect(),
-    }
+    let mut built = Built { branches: Slab::zeroed(plan.len()), packets: Slab::zeroed(runs.len()) };
+    let branches = built.branches.slice_mut().par_iter_mut();
+    branches.zip(plan).with_min_len(4096).for_each(|(to, planned)| *to = branch(planned));
+    let packets = built.packets.slice_mut().par_iter_mut();
+    packets.zip(&runs).with_min_len(4096).for_each(|(to, run)| *to = packet(run));
+    built
 }

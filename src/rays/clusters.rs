@@ -17,7 +17,7 @@ const BLOCK: usize = 8192;
 /// What one more packet costs, in units of the block's mean triangle surface.
 ///
 /// Smaller values make smaller packets: fewer triangles tested in vain, but more boxes and more memory.
-const PACKET_COST: f32 = 1.0;
+const PACKET_COST: f32 = 3.0;
 
 /// Runs of triangles with their boxes.
 pub(super) struct Clusters {

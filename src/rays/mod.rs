@@ -5,12 +5,14 @@ mod clusters;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
 mod layout;
+mod memory;
 mod prepare;
 mod scalar;
 
 use glam::Vec3;
 
 pub use layout::{Branch, Child, DEPTH_LIMIT, FAN, LANES, Malformed, NO_TRIANGLE, Packet};
+use memory::Slab;
 use prepare::Prepared;
 
 use crate::scene::Scene;
@@ -119,8 +121,8 @@ impl<'a> BvhView<'a> {
 /// The acceleration structure over a scene's triangles, owned.
 #[derive(Debug)]
 pub struct Bvh {
-    branches: Vec<Branch>,
-    packets: Vec<Packet>,
+    branches: Slab<Branch>,
+    packets: Slab<Packet>,
 }
 
 impl Bvh {
@@ -142,7 +144,7 @@ impl Bvh {
 
     /// The same queries over borrowed arrays.
     pub fn view(&self) -> BvhView<'_> {
-        BvhView { branches: &self.branches, packets: &self.packets }
+        BvhView { branches: self.branches.slice(), packets: self.packets.slice() }
     }
 
     /// The nearest hit of the ray, from either side of a triangle; see [`BvhView::closest`].
