@@ -16,7 +16,8 @@ const BLOCK: usize = 8192;
 
 /// What one more packet costs, in units of the block's mean triangle surface.
 ///
-/// Smaller values make smaller packets: fewer triangles tested in vain, but more boxes and more memory.
+/// Smaller values make smaller packets: fewer triangles tested in vain, but more boxes and more memory. Measured from 1 to 6
+/// on 327 k triangles: 4.7 to 5.5 packets and 17.4 to 17.1 branches a segment; 3.1 to 3.5 triangles a packet.
 const PACKET_COST: f32 = 3.0;
 
 /// Runs of triangles with their boxes.
@@ -41,8 +42,7 @@ pub(super) fn cluster(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Clusters {
     let mask = index_mask(boxes.len());
     let order: Vec<u32> = keys.iter().map(|key| (key & mask) as u32).collect();
     drop(keys);
-    let blocks: Vec<(Vec<u8>, Vec<Aabb>)> =
-        order.par_chunks(BLOCK).map(|block| cut(block, &boxes)).collect();
+    let blocks: Vec<(Vec<u8>, Vec<Aabb>)> = order.par_chunks(BLOCK).map(|block| cut(block, &boxes)).collect();
     let count = blocks.iter().map(|(lengths, _)| lengths.len()).sum::<usize>();
     let mut clusters =
         Clusters { order, starts: Vec::with_capacity(count + 1), boxes: Vec::with_capacity(count) };
@@ -96,13 +96,8 @@ fn sorted_keys(boxes: &[Aabb]) -> Vec<u64> {
         let at = ((b.min * 0.5 + b.max * 0.5) - all.min) * scale;
         (morton::encode([at.x as u32, at.y as u32, at.z as u32]) << index_bits) | number as u64
     };
-    let mut keys: Vec<u64> = boxes
-        .par_iter()
-        .enumerate()
-        .with_min_len(BLOCK)
-        .filter(|(_, b)| valid(b))
-        .map(key)
-        .collect();
+    let mut keys: Vec<u64> =
+        boxes.par_iter().enumerate().with_min_len(BLOCK).filter(|(_, b)| valid(b)).map(key).collect();
     keys.par_sort_unstable();
     keys
 }
@@ -111,7 +106,7 @@ fn sorted_keys(boxes: &[Aabb]) -> Vec<u64> {
 fn cut(block: &[u32], boxes: &[Aabb]) -> (Vec<u8>, Vec<Aabb>) {
     let own: Vec<Aabb> = block.iter().map(|&number| boxes[number as usize]).collect();
     let mean = own.iter().map(Aabb::half_area).sum::<f32>() / own.len() as f32;
-    let fixed = std::env::var("LAMBDA").map_or(PACKET_COST, |x| x.parse().unwrap()) * mean;
+    let fixed = PACKET_COST * mean;
     let mut cost = vec![0.0f32; own.len() + 1];
     let mut length = vec![0u8; own.len() + 1];
     for end in 1..=own.len() {

@@ -252,14 +252,14 @@ impl Stack {
         self.height += 1;
     }
 
-    /// The last one pushed whose box begins before `t_max`.
+    /// The last one pushed whose box does not begin beyond `t_max`.
     #[inline]
     fn pop(&mut self, t_max: f32) -> Option<Child> {
         while self.height > 0 {
             self.height -= 1;
             // SAFETY: below the height everything has been written.
             let (child, entry) = unsafe { self.entries.get_unchecked(self.height).assume_init_read() };
-            if entry < t_max {
+            if entry <= t_max {
                 return Some(child);
             }
         }
@@ -269,7 +269,13 @@ impl Stack {
     /// Pushes the children of `met`, the nearest last, and takes that one off again.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,lzcnt")]
-    fn sort_in(&mut self, branch: &Branch, near: __m256, mut met: u32, arrays: (&[Branch], &[Packet])) -> Child {
+    fn sort_in(
+        &mut self,
+        branch: &Branch,
+        near: __m256,
+        mut met: u32,
+        arrays: (&[Branch], &[Packet]),
+    ) -> Child {
         let mut distances = [0.0f32; FAN];
         // SAFETY: room for eight.
         unsafe { _mm256_storeu_ps(distances.as_mut_ptr(), near) };

@@ -142,6 +142,18 @@ impl Bvh {
         Self { branches: built.branches, packets: built.packets }
     }
 
+    /// Copies stored arrays, into huge pages when they are large, after checking them as [`BvhView::checked`] does.
+    ///
+    /// # Errors
+    /// As [`BvhView::checked`].
+    pub fn from_slices(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
+        layout::check(branches, packets.len())?;
+        let mut own = Self { branches: Slab::zeroed(branches.len()), packets: Slab::zeroed(packets.len()) };
+        own.branches.slice_mut().copy_from_slice(branches);
+        own.packets.slice_mut().copy_from_slice(packets);
+        Ok(own)
+    }
+
     /// The same queries over borrowed arrays.
     pub fn view(&self) -> BvhView<'_> {
         BvhView { branches: self.branches.slice(), packets: self.packets.slice() }
