@@ -195,7 +195,7 @@ fn closed_surfaces_are_watertight() {
 }
 
 #[test]
-#[ignore = "ten million rays take half a minute; run before a release and after any change to the kernels"]
+#[ignore = "ten million rays, each asked twice, take about ten CPU seconds; run before a release and after any change to the kernels"]
 fn closed_surfaces_are_watertight_at_length() {
     assert_eq!(leaks(&[2, 4, 6, 7], 420_000), 0);
 }

@@ -4,19 +4,22 @@
 //! Construction", TVCG 2018 (in obvhs), and Ylitie, Karras and Laine, "Efficient Incoherent Ray Traversal on GPUs Through
 //! Compressed Wide BVHs", HPG 2017 (folding with the least total surface of branches, by dynamic programming).
 //!
-//! Build and trace on a bumpy sphere of 327,680 triangles, CPU time (Zen 4, loaded machine: rates to ±15 %) and exact
-//! counts per segment between random surface points:
+//! Build and trace on a bumpy sphere of 327,680 triangles: least CPU time of several one-thread builds (Zen 4, a loaded
+//! machine, ±15 %), and exact counts per segment between random surface points:
 //!
-//! | build | CPU µs/triangle | branches + packets/segment | branches/triangle |
-//! |---|---|---|---|
-//! | obvhs `fast` over triangles, greedy folding | 0.53–0.83 | not counted; 0.8 × the rate below | 0.101 |
-//! | runs, search distance 1, no reinsertion | 0.32 | 17.7 + 5.0 | 0.062 |
-//! | runs, distance 6, no reinsertion | 0.33 | 17.5 + 5.1 | 0.061 |
-//! | **runs, distance 6, reinsertion 0.01** | **0.30–0.36** | **17.2 + 5.1** | **0.061** |
-//! | runs, distance 14, reinsertion 0.02 | 0.38 | 17.3 + 5.1 | 0.061 |
-//! | runs, distance 6, reinsertion 0.2 | 0.5 | 16.9 + 5.0 | 0.061 |
-//! | runs, distance 6, reinsertion 1 | not kept | 16.5 + 5.0 | 0.061 |
-//! | Embree 3.13, robust | 0.37–0.41 | – | – |
+//! | build | CPU µs/triangle | branches + packets/segment |
+//! |---|---|---|
+//! | obvhs `fast` over triangles, greedy folding (0.101 branches/triangle) | 0.53 | not counted; 0.8 × the rays/s |
+//! | runs (0.060 branches/triangle), distance 1, no reinsertion | 0.22 | 17.40 + 5.03 |
+//! | **runs, distance 1, reinsertion 0.01** | **0.25** | **17.36 + 5.03** |
+//! | runs, distance 6, no reinsertion | 0.33 | 17.51 + 5.07 |
+//! | runs, distance 6, reinsertion 0.01 | 0.33 | 17.32 + 5.05 |
+//! | runs, distance 14, reinsertion 0.02 | 0.37 | 17.32 + 5.06 |
+//! | runs, distance 6, reinsertion 0.2 | 0.45 | 16.88 + 5.04 |
+//! | runs, distance 6, reinsertion 1 | 1.3 | 16.45 + 5.04 |
+//! | Embree 3.13, robust | 0.38 | – |
+//!
+//! The same on 5.2 M triangles: distance 1 without reinsertion 21.80 branches, with 0.01 of it 21.47; distance 6 with it 21.45.
 
 use glam::Vec3;
 use obvhs::aabb::Aabb;
@@ -32,7 +35,7 @@ use super::memory::Slab;
 
 /// The share of binary entries that obvhs tries to place better.
 ///
-/// 0 saves 0.02 µs a triangle and costs 2 % more branches a ray; 0.2 saves 2 % of them for 0.1 µs more.
+/// 0 costs 0.2 % more branches a segment on 328 k triangles and 1.5 % on 5.2 M, and saves little; see the file's head.
 const REINSERTED: f32 = 0.01;
 
 /// The two arrays.
@@ -62,7 +65,8 @@ fn clustered_tree(clusters: &Clusters) -> Bvh2 {
     let count = clusters.boxes.len();
     let identity = (0..count as u32).collect();
     let mut builder = PlocBuilder::with_capacity(count);
-    let mut binary = builder.build(PlocSearchDistance::Low, &clusters.boxes, identity, SortPrecision::U64, 0);
+    let mut binary =
+        builder.build(PlocSearchDistance::Minimum, &clusters.boxes, identity, SortPrecision::U64, 0);
     ReinsertionOptimizer::default().run(&mut binary, REINSERTED, None);
     binary
 }
