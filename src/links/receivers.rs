@@ -193,7 +193,7 @@ impl Placement {
 const CLEARANCE_SHARE: f32 = 0.5;
 
 /// Surfaces count as in front when seen under this sine of elevation; bumps of the own surface do not.
-const CLEARANCE_ELEVATION: f32 = 0.25;
+const CLEARANCE_ELEVATION: f32 = 0.08;
 
 /// How far surfaces are looked for, in spacings of the level.
 const CLEARANCE_SPACINGS: f32 = 3.0;
