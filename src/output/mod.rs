@@ -5,9 +5,11 @@
 
 pub mod exposure;
 pub mod file;
+pub mod footing;
 pub mod normals;
 pub mod picture;
 pub mod ply;
+pub mod points;
 #[cfg(test)]
 mod synthetic;
 pub mod vertices;

@@ -24,7 +24,7 @@ pub const NO_TRIANGLE: u32 = u32::MAX;
 /// One reference of a branch: nothing, another branch, or a run of packets.
 ///
 /// Bit 31 set: packets, their number less one in bits 29–30, the first one's index in bits 0–28. Bit 31 clear: the
-/// index of a branch; 0 (the root, nobody's child) stands for nothing, so that zeroed memory is an empty branch.
+/// index of a branch; 0 (the root, nobody's child) stands for nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
 pub struct Child(u32);
@@ -123,7 +123,7 @@ impl Branch {
     }
 }
 
-/// Four triangles side by side, for one vector test; vacant lanes hold zeros and [`NO_TRIANGLE`].
+/// Four triangles side by side, for one vector test; vacant lanes hold NaNs, which no test lets pass, and [`NO_TRIANGLE`].
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(32))]
 pub struct Packet {
@@ -136,7 +136,7 @@ pub struct Packet {
 impl Packet {
     /// A packet without triangles.
     pub fn vacant() -> Self {
-        Self { corners: [[[0.0; LANES]; 3]; 3], triangle: [NO_TRIANGLE; LANES] }
+        Self { corners: [[[f32::NAN; LANES]; 3]; 3], triangle: [NO_TRIANGLE; LANES] }
     }
 
     /// Fills one of the four lanes.

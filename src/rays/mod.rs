@@ -1,6 +1,9 @@
 //! Rays against triangles: a bounding-volume hierarchy in flat arrays, closest hits and occlusion, watertight.
 
 mod build;
+mod clusters;
+#[cfg(target_arch = "x86_64")]
+mod kernels;
 mod layout;
 mod prepare;
 mod scalar;
@@ -82,15 +85,34 @@ impl<'a> BvhView<'a> {
     /// The nearest hit of the ray, from either side of a triangle.
     ///
     /// Watertight: a ray cannot pass between triangles that share corners. Of hits at the same distance, on a common
-    /// edge, the choice is the hierarchy's but always the same.
+    /// edge, the choice is the hierarchy's but always the same. A ray that is not finite meets nothing.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        let found = scalar::closest(self.branches, self.packets, &Prepared::new(ray))?;
-        Some(Hit { distance: found.distance, triangle: found.triangle, u: found.u, v: found.v })
+        let ray = Prepared::new(ray)?;
+        #[cfg(target_arch = "x86_64")]
+        if kernels::available() {
+            return kernels::closest(self.branches, self.packets, &ray);
+        }
+        scalar::closest(self.branches, self.packets, &ray)
     }
 
     /// Whether anything lies on the segment. Watertight like [`BvhView::closest`].
     pub fn occluded(&self, ray: &Ray) -> bool {
-        scalar::occluded(self.branches, self.packets, &Prepared::new(ray))
+        let Some(ray) = Prepared::new(ray) else { return false };
+        #[cfg(target_arch = "x86_64")]
+        if kernels::available() {
+            return kernels::occluded(self.branches, self.packets, &ray);
+        }
+        scalar::occluded(self.branches, self.packets, &ray)
+    }
+
+    /// [`BvhView::closest`] without vector instructions: the same answer to the last bit, slower; for tests.
+    pub fn closest_scalar(&self, ray: &Ray) -> Option<Hit> {
+        scalar::closest(self.branches, self.packets, &Prepared::new(ray)?)
+    }
+
+    /// [`BvhView::occluded`] without vector instructions: the same answer, slower; for tests.
+    pub fn occluded_scalar(&self, ray: &Ray) -> bool {
+        Prepared::new(ray).is_some_and(|ray| scalar::occluded(self.branches, self.packets, &ray))
     }
 }
 
@@ -116,6 +138,15 @@ impl Bvh {
     pub fn build_triangles(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         let built = build::build(vertices, triangles);
         Self { branches: built.branches, packets: built.packets }
+    }
+
+    /// From arrays that [`BvhView::branches`] and [`BvhView::packets`] gave.
+    ///
+    /// # Errors
+    /// As [`BvhView::checked`].
+    pub fn from_arrays(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
+        BvhView::checked(branches, packets)?;
+        Ok(Self { branches: branches.to_vec(), packets: packets.to_vec() })
     }
 
     /// The same queries over borrowed arrays.

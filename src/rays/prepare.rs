@@ -33,9 +33,13 @@ pub(super) struct Prepared {
 }
 
 impl Prepared {
-    /// Divides and permutes once per ray.
+    /// Divides and permutes once per ray; `None` for a ray that is not finite.
     #[inline]
-    pub fn new(ray: &Ray) -> Self {
+    pub fn new(ray: &Ray) -> Option<Self> {
+        // A sum is finite only if its terms are.
+        if !(ray.origin + ray.direction).is_finite() {
+            return None;
+        }
         let direction = ray.direction.to_array();
         let [x, y, z] = direction.map(f32::abs);
         let major = if x > y {
@@ -52,7 +56,7 @@ impl Prepared {
         }
         let inverse = direction.map(|d| 1.0 / d);
         let near = [0, 1, 2].map(|axis| 2 * axis + usize::from(direction[axis].is_sign_negative()));
-        Self {
+        Some(Self {
             origin: ray.origin.to_array(),
             inverse,
             near,
@@ -64,19 +68,6 @@ impl Prepared {
             ],
             t_min: ray.t_min,
             t_max: ray.t_max,
-        }
+        })
     }
-}
-
-/// The best hit so far, as a kernel keeps it.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Found {
-    /// Distance along the ray.
-    pub distance: f32,
-    /// The triangle's number.
-    pub triangle: u32,
-    /// Weight of the second corner.
-    pub u: f32,
-    /// Weight of the third corner.
-    pub v: f32,
 }

@@ -3,14 +3,15 @@
 //! Every operation here has its twin in `kernels.rs`, in the same order and without fused multiply-add, so both give the
 //! same bits.
 
+use super::Hit;
 use super::layout::{Branch, Child, DEPTH_LIMIT, FAN, LANES, Packet};
-use super::prepare::{FAR_FACTOR, Found, Prepared};
+use super::prepare::{FAR_FACTOR, Prepared};
 
 /// Room for the children left waiting: seven at each depth, and the one in hand.
 pub(super) const STACK: usize = (FAN - 1) * DEPTH_LIMIT + 1;
 
 /// The nearest hit.
-pub(super) fn closest(branches: &[Branch], packets: &[Packet], ray: &Prepared) -> Option<Found> {
+pub(super) fn closest(branches: &[Branch], packets: &[Packet], ray: &Prepared) -> Option<Hit> {
     let mut ray = *ray;
     let mut best = None;
     walk(branches, &mut ray, |child, ray| {
@@ -71,8 +72,8 @@ fn push_children(branch: &Branch, ray: &Prepared, stack: &mut [(Child, f32); STA
     let mut top = height;
     for place in 0..FAN {
         let (near, far) = slab(branch, ray, place);
-        // A vacant place has near = +∞ and far = −∞ or, against a zero direction, NaN rows: its reference settles it.
-        if near > far || branch.children[place].is_none() {
+        let met = near <= far;
+        if !met {
             continue;
         }
         let mut at = top;
@@ -103,8 +104,8 @@ fn slab(branch: &Branch, ray: &Prepared, place: usize) -> (f32, f32) {
 }
 
 /// The nearest hit within a packet.
-fn meet(packet: &Packet, ray: &Prepared) -> Option<Found> {
-    let mut best: Option<Found> = None;
+fn meet(packet: &Packet, ray: &Prepared) -> Option<Hit> {
+    let mut best: Option<Hit> = None;
     for lane in 0..LANES {
         if let Some(found) = meet_lane(packet, lane, ray)
             && best.is_none_or(|b| found.distance < b.distance)
@@ -116,7 +117,7 @@ fn meet(packet: &Packet, ray: &Prepared) -> Option<Found> {
 }
 
 /// Woop's test of one triangle; exact zeros of the edge functions are settled in f64.
-fn meet_lane(packet: &Packet, lane: usize, ray: &Prepared) -> Option<Found> {
+fn meet_lane(packet: &Packet, lane: usize, ray: &Prepared) -> Option<Hit> {
     let [kx, ky, kz] = ray.axes;
     let sheared = packet.corners.map(|corner| {
         let z = corner[kz][lane] - ray.origin[kz];
@@ -141,7 +142,7 @@ fn meet_lane(packet: &Packet, lane: usize, ray: &Prepared) -> Option<Found> {
     let depth = (u * a[2] + v * b[2]) + w * c[2];
     let distance = (depth * ray.shear[2]) * reciprocal;
     // NaNs (vacant lanes, determinant zero) fail these comparisons.
-    (distance > ray.t_min && distance < ray.t_max && determinant != 0.0).then(|| Found {
+    (distance > ray.t_min && distance < ray.t_max && determinant != 0.0).then(|| Hit {
         distance,
         triangle: packet.triangle[lane],
         u: v * reciprocal,

@@ -1,39 +1,171 @@
 //! The solution of B = E + ρRB and its evaluation at any point.
 
-use glam::Vec3;
+pub mod field;
+pub mod iterate;
+pub mod transport;
 
-use crate::geometry::SurfacePoint;
+use glam::{Mat3, Vec3};
+use rayon::prelude::*;
+
+pub use field::{Field, Irradiance};
+
 use crate::light::Rgb;
+use crate::links::Surroundings;
+use crate::links::direct::Direct;
+use crate::links::lamps::Lamp;
+use crate::links::receivers::{Receivers, Spread};
+use crate::links::rows::{self, Directions, FIRST_MARK, LOST, SKY};
+use crate::scene::Sky;
+use crate::sites::SiteId;
+use iterate::{IterateParams, IterateReport};
+use transport::Transport;
 
-/// The light that falls on one point, as the solution knows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Irradiance {
-    /// From emitters and punctual lamps directly, W·m⁻².
-    pub direct: Rgb,
-    /// From other surfaces and the sky, W·m⁻².
-    pub indirect: Rgb,
-    /// Cosine-weighted share of the sky that the point sees, in [0, 1].
-    pub sky_visibility: f32,
-    /// The program's own estimate of the standard error of the mean-channel irradiance, W·m⁻².
-    pub error: f32,
+/// Everything that stays fixed while light changes, and the light itself.
+#[derive(Clone, Copy)]
+pub struct Problem<'a> {
+    /// Geometry, sites and their cells.
+    pub around: Surroundings<'a>,
+    /// Receivers and their rows.
+    pub receivers: &'a Receivers,
+    /// Interpolation to sites.
+    pub spread: &'a Spread,
+    /// Lamps, aimed at.
+    pub lamps: &'a [Lamp],
+    /// How the sites see them.
+    pub direct: &'a Direct,
+    /// Albedo per site.
+    pub albedo: &'a [Rgb],
+    /// Exitance per site, of surfaces whose emission the rows meet.
+    pub exitance: &'a [Rgb],
+    /// Light from outside.
+    pub sky: Option<&'a Sky>,
 }
 
-impl Irradiance {
-    /// Direct and indirect together.
-    pub fn total(&self) -> Rgb {
-        self.direct + self.indirect
+/// Light at receivers and sites.
+#[derive(Debug, Clone, Default)]
+pub struct Solution {
+    /// Irradiance at receivers from surfaces and sky, W·m⁻².
+    pub irradiance: Vec<Rgb>,
+    /// Its change with the normal: H(n′) ≈ H(n) + gradient · (n′ − n).
+    pub gradient: Vec<Mat3>,
+    /// Share of the sky that each receiver sees, weighted by the cosine.
+    pub sky_visibility: Vec<f32>,
+    /// Root mean square difference of the mean channel between a receiver's row and its neighbours' fit.
+    pub surplus: Vec<f32>,
+    /// Radiosity per site, without the lamps' own exitance.
+    pub radiosity: Vec<Rgb>,
+}
+
+/// Rays flatter than this cosine count as this flat in gradients (1/cos would let a few rays rule).
+const FLATTEST: f32 = 0.4;
+
+impl Problem<'_> {
+    /// Solves for the light.
+    pub fn solve(&self, params: &IterateParams) -> (Solution, IterateReport) {
+        let transport = Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo };
+        let own = self.unreflected();
+        let sky = self.sky_light();
+        let mut first = transport.gather(&own);
+        first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
+        let (irradiance, report) = iterate::solve(|x| transport.apply(x), &first, params);
+        let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
+        let radiosity = transport.pull(&transport.push(&irradiance), Some(&own));
+        let mut solution = Solution { irradiance, radiosity, ..Solution::default() };
+        (solution.gradient, solution.sky_visibility) = self.gradients(&solution.radiosity);
+        solution.surplus = self.surplus(&solution);
+        (solution, report)
     }
-}
 
-/// A solved scene that answers for any surface point.
-pub struct Field {}
+    /// Radiosity of the sites before any interreflection: glow, and the lamps' light reflected once.
+    fn unreflected(&self) -> Vec<Rgb> {
+        (0..self.around.sites.len())
+            .into_par_iter()
+            .map(|site| {
+                let point = self.around.sites.point(SiteId(site as u32));
+                self.exitance[site] + self.albedo[site] * self.direct.at_site(self.lamps, site, &point)
+            })
+            .collect()
+    }
 
-impl Field {
-    /// Irradiance at each point, in order.
-    pub fn evaluate(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
-        points
-            .iter()
-            .map(|_| Irradiance { direct: Vec3::ZERO, indirect: Vec3::ONE, sky_visibility: 1.0, error: 0.0 })
+    /// Irradiance at receivers straight from the sky.
+    fn sky_light(&self) -> Vec<Rgb> {
+        let Some(sky) = self.sky else { return vec![Rgb::ZERO; self.receivers.len()] };
+        self.each_row(|sum: &mut Rgb, direction, met| {
+            if met == SKY {
+                *sum += sky.radiance(direction) * std::f32::consts::PI;
+            }
+        })
+    }
+
+    /// Rotational gradients and sky visibility.
+    fn gradients(&self, radiosity: &[Rgb]) -> (Vec<Mat3>, Vec<f32>) {
+        let normals = |r: usize| self.receivers.index.supports()[r].point.normal;
+        let rays = self.receivers.rows.rays as f32;
+        let light = |direction: Vec3, met: u32| match met {
+            SKY => self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(direction) * std::f32::consts::PI),
+            m if m < FIRST_MARK => radiosity[m as usize],
+            _ => Rgb::ZERO,
+        };
+        let escaped: Vec<f32> =
+            self.receivers.rows.summaries.iter().map(|s| s.escaped as f32 / rays).collect();
+        let lattice = rows::lattice(self.receivers.rows.rays);
+        let gradient = (0..self.receivers.len())
+            .into_par_iter()
+            .map(|r| {
+                let normal = normals(r);
+                let directions =
+                    Directions::new(normal, self.receivers.rows.keys[r], self.receivers.rows.rays);
+                let mut sum = Mat3::ZERO;
+                for (at, &met) in lattice.iter().zip(self.receivers.rows.row(r)) {
+                    let direction = directions.at(*at);
+                    let b = light(direction, met);
+                    let cosine = direction.dot(normal);
+                    let lever = (direction - normal * cosine) / cosine.max(FLATTEST);
+                    sum += Mat3::from_cols(b * lever.x, b * lever.y, b * lever.z);
+                }
+                sum * (1.0 / rays)
+            })
+            .collect();
+        (gradient, escaped)
+    }
+
+    /// Sums over each row's rays, renormalised for lost ones.
+    fn each_row<T: Default + Send + std::ops::Div<f32, Output = T>>(
+        &self,
+        add: impl Fn(&mut T, Vec3, u32) + Sync,
+    ) -> Vec<T> {
+        let rows = &self.receivers.rows;
+        let lattice = rows::lattice(rows.rays);
+        (0..rows.len())
+            .into_par_iter()
+            .map(|r| {
+                let normal = self.receivers.index.supports()[r].point.normal;
+                let directions = Directions::new(normal, rows.keys[r], rows.rays);
+                let mut sum = T::default();
+                let mut live = 0;
+                for (at, &met) in lattice.iter().zip(rows.row(r)) {
+                    live += u32::from(met != LOST);
+                    add(&mut sum, directions.at(*at), met);
+                }
+                sum / live.max(1) as f32
+            })
+            .collect()
+    }
+
+    /// Leave-one-out: how far each receiver's own row is from what its neighbours would have said.
+    fn surplus(&self, solution: &Solution) -> Vec<f32> {
+        (0..self.receivers.len())
+            .into_par_iter()
+            .map(|r| {
+                let site = self.receivers.sites[r].0 as usize;
+                let others: Vec<u32> =
+                    self.spread.receivers_of(site).iter().copied().filter(|&o| o as usize != r).collect();
+                let at = self.receivers.index.supports()[r].point;
+                match field::interpolate(self.receivers, solution, &at, &others) {
+                    Some(fit) => (crate::light::mean_channel(fit - solution.irradiance[r])).abs(),
+                    None => 0.0,
+                }
+            })
             .collect()
     }
 }

@@ -1,0 +1,2 @@
+//! Rates of the sites stage.
+fn main() {}

@@ -1,0 +1,396 @@
+//! Writing: blocks go to a temporary name, the directory and the trailer complete it, a rename publishes it.
+//! A writer that was killed is resumed from the blocks that are whole.
+
+use std::io::{self, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use bytemuck::Pod;
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content};
+use super::verify::scan;
+use super::{
+    ALIGNMENT, Block, Digest, Digests, Disk, Entry, PLAIN, SUPERBLOCK_BYTES, Storage, StoredFile, Tag,
+};
+use crate::{Error, Result};
+
+/// Bytes after which the writer makes its blocks durable by itself: what a power loss costs at most. A smaller
+/// value stalls the disk's queue more often, a larger one loses more work.
+const CHECKPOINT_BYTES: u64 = 1 << 30;
+/// Blocks up to this length are copied together with their header and padding to save two system calls.
+const GATHERED_BYTES: usize = 1 << 16;
+
+/// Writes an archive; see the module's example. Dropping it unfinished leaves the temporary file for [`Writer::resume`].
+#[derive(Debug)]
+pub struct Writer<S: Storage = Disk> {
+    storage: S,
+    file: S::File,
+    path: PathBuf,
+    partial: PathBuf,
+    salt: u32,
+    entries: Vec<Entry>,
+    /// End of the last whole block.
+    end: u64,
+    /// End of what is known to be durable.
+    synced: u64,
+    reserved: u64,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Sound,
+    /// A write failed half-way: cut the file back to `end` before the next one.
+    Torn,
+    /// A sync failed: what the file holds is unknown, and blocks were given up.
+    Lost,
+}
+
+/// A payload that a codec made.
+#[derive(Clone, Copy, Debug)]
+pub struct Encoded<'a> {
+    /// Number of the codec; its meaning is the caller's.
+    pub codec: u16,
+    /// Width of one decoded element in bytes, at least one.
+    pub element_bytes: u16,
+    /// Length of the decoded array in bytes.
+    pub raw_bytes: u64,
+    /// The encoded bytes.
+    pub bytes: &'a [u8],
+}
+
+/// What [`Writer::finish`] wrote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Finished {
+    /// The finished file.
+    pub path: PathBuf,
+    /// Its length.
+    pub bytes: u64,
+    /// Its number of blocks.
+    pub blocks: usize,
+    /// Digest of all blocks with their tags, ranges and order, and of the superblock; not of the provenance.
+    pub content: Digest,
+}
+
+/// What [`Writer::resume`] found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Resumed {
+    /// Blocks that were whole and are kept; [`Writer::entries`] lists them.
+    pub blocks: usize,
+    /// Bytes of a torn or damaged tail that were dropped.
+    pub dropped_bytes: u64,
+}
+
+/// The temporary name of an archive while it is written: in the same directory, so that the rename is atomic, and
+/// always the same, so that a resume finds it.
+pub fn partial_path(path: impl AsRef<Path>) -> PathBuf {
+    let mut name = path.as_ref().as_os_str().to_owned();
+    name.push(".partial");
+    name.into()
+}
+
+impl Writer {
+    /// Starts an archive that will be called `path`; an unfinished one of that name is discarded.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::DiskFull`].
+    pub fn create(path: impl AsRef<Path>, kind: Tag, digests: Digests) -> Result<Self> {
+        Self::create_in(Disk, path.as_ref(), kind, digests)
+    }
+
+    /// Continues the unfinished archive that would be called `path`, keeping the leading blocks whose checksums hold
+    /// and dropping the rest; starts a new one where there is none or its superblock is torn.
+    ///
+    /// # Errors
+    /// [`Error::JobDiffers`] when the unfinished file was made from something else; [`Error::Io`], [`Error::DiskFull`].
+    pub fn resume(path: impl AsRef<Path>, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
+        Self::resume_in(Disk, path.as_ref(), kind, digests)
+    }
+}
+
+impl<S: Storage> Writer<S> {
+    /// [`Writer::create`] on another storage.
+    ///
+    /// # Errors
+    /// As [`Writer::create`].
+    pub fn create_in(storage: S, path: &Path, kind: Tag, digests: Digests) -> Result<Self> {
+        let partial = partial_path(path);
+        let file = storage
+            .create(&partial)
+            .map_err(|source| refused(&partial, "creating", source, SUPERBLOCK_BYTES as u64))?;
+        Self::begin(storage, file, path, &Superblock::new(kind, digests))
+    }
+
+    /// [`Writer::resume`] on another storage.
+    ///
+    /// # Errors
+    /// As [`Writer::resume`].
+    pub fn resume_in(storage: S, path: &Path, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
+        let partial = partial_path(path);
+        let mut file = match storage.open(&partial) {
+            Ok(file) => file,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                return Ok((Self::create_in(storage, path, kind, digests)?, Resumed::default()));
+            }
+            Err(source) => return Err(refused(&partial, "opening", source, 0)),
+        };
+        let superblock = Superblock::new(kind, digests);
+        let found = scan(&mut file).map_err(|source| refused(&partial, "reading", source, 0))?;
+        let Some(present) = found.superblock else {
+            let writer = Self::begin(storage, file, path, &superblock)?;
+            return Ok((writer, Resumed { blocks: 0, dropped_bytes: found.file_bytes }));
+        };
+        if present != superblock {
+            return Err(Error::JobDiffers { difference: present.difference(&superblock), job: partial });
+        }
+        let mut writer = Self::unwritten(storage, file, path, superblock.crc);
+        (writer.entries, writer.end) = (found.entries, found.end);
+        writer.state = State::Torn;
+        writer.mend()?;
+        let resumed = Resumed { blocks: writer.entries.len(), dropped_bytes: found.file_bytes - found.end };
+        Ok((writer, resumed))
+    }
+
+    fn unwritten(storage: S, file: S::File, path: &Path, salt: u32) -> Self {
+        let partial = partial_path(path);
+        let (entries, state) = (Vec::new(), State::Sound);
+        Self {
+            storage,
+            file,
+            path: path.into(),
+            partial,
+            salt,
+            entries,
+            end: 0,
+            synced: 0,
+            reserved: 0,
+            state,
+        }
+    }
+
+    fn begin(storage: S, file: S::File, path: &Path, superblock: &Superblock) -> Result<Self> {
+        let mut writer = Self::unwritten(storage, file, path, superblock.crc);
+        writer.state = State::Torn;
+        writer.write(&[&superblock.page()])?;
+        Ok(writer)
+    }
+
+    /// The blocks written so far, resumed ones included.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// Bytes written so far, without directory and trailer.
+    pub fn bytes(&self) -> u64 {
+        self.end
+    }
+
+    /// Reserves disk space for a file of about `bytes`, so that a full disk shows now rather than hours later.
+    ///
+    /// # Errors
+    /// [`Error::DiskFull`], [`Error::Io`].
+    pub fn reserve(&mut self, bytes: u64) -> Result<()> {
+        self.reserved = self.reserved.max(bytes);
+        self.file
+            .reserve(bytes)
+            .map_err(|source| self.failed("reserving space", source, bytes - self.end.min(bytes)))
+    }
+
+    /// Appends a block: a flat array that covers `range` of the receivers, rows, triangles … of this stage. The array
+    /// need not have one element per member of the range (offsets have one more, links many).
+    ///
+    /// # Errors
+    /// [`Error::DiskFull`], [`Error::Io`]; the block is then not part of the file, and may be appended again.
+    pub fn append<T: Pod>(&mut self, tag: Tag, range: Range<u64>, elements: &[T]) -> Result<()> {
+        assert!(align_of::<T>() <= ALIGNMENT, "payloads are aligned to {ALIGNMENT} bytes");
+        let bytes: &[u8] = bytemuck::cast_slice(elements);
+        let element_bytes = u16::try_from(size_of::<T>()).unwrap_or(0);
+        self.append_bytes(
+            tag,
+            range,
+            Encoded { codec: PLAIN, element_bytes, raw_bytes: bytes.len() as u64, bytes },
+        )
+    }
+
+    /// Appends a block that a codec has made.
+    ///
+    /// # Errors
+    /// As [`Writer::append`].
+    pub fn append_bytes(&mut self, tag: Tag, range: Range<u64>, payload: Encoded<'_>) -> Result<()> {
+        let Encoded { codec, element_bytes, raw_bytes, bytes } = payload;
+        let entry = Entry {
+            tag,
+            first: range.start,
+            count: range.end.checked_sub(range.start).expect("a range that does not run backwards"),
+            offset: self.end,
+            raw_bytes,
+            stored_bytes: bytes.len() as u64,
+            hash: xxh3_64(bytes),
+            codec,
+            element_bytes,
+        };
+        assert!(
+            entry.is_consistent(),
+            "lengths that do not agree with the codec and the element width: {entry:?}"
+        );
+        let number = u32::try_from(self.entries.len()).expect("fewer than 2^32 blocks");
+        let header = entry.header(number, self.salt);
+        self.write(&[bytemuck::bytes_of(&header), bytes, padding(bytes.len())])?;
+        self.entries.push(entry);
+        if self.end - self.synced >= CHECKPOINT_BYTES { self.checkpoint() } else { Ok(()) }
+    }
+
+    /// Appends a copy of another archive's block, encoded as it is, once its checksum holds: repairs are made of copies
+    /// of the whole blocks and of new ones.
+    ///
+    /// # Errors
+    /// As [`Writer::append`]; [`Error::Damaged`] when the block is damaged.
+    pub fn append_copy<D: AsRef<[u8]>>(&mut self, block: Block<'_, D>) -> Result<()> {
+        let &Entry { tag, codec, element_bytes, raw_bytes, .. } = block.entry();
+        let payload = Encoded { codec, element_bytes, raw_bytes, bytes: block.stored()? };
+        self.append_bytes(tag, block.range(), payload)
+    }
+
+    /// Makes every block so far durable: what a power loss cannot take back.
+    ///
+    /// # Errors
+    /// [`Error::DiskFull`], [`Error::Io`]. After a failed sync the system may have thrown the data away while still
+    /// showing it, so the file is cut back to the last success and this writer refuses to go on; resume from there.
+    pub fn checkpoint(&mut self) -> Result<()> {
+        self.mend()?;
+        if let Err(source) = self.file.sync() {
+            return Err(self.give_up(source));
+        }
+        self.synced = self.end;
+        self.storage
+            .sync_directory(directory_of(&self.path))
+            .map_err(|source| self.failed("making the name durable", source, 0))
+    }
+
+    /// Completes the file: directory, trailer, sync, rename, sync of the directory. `provenance` is pairs of name and
+    /// text that say how it was made; for equal bytes from equal runs, keep times and hosts out of it.
+    ///
+    /// # Errors
+    /// [`Error::DiskFull`], [`Error::Io`]; the temporary file is kept and resumable.
+    pub fn finish(mut self, provenance: &[(&str, &str)]) -> Result<Finished> {
+        let content = content(&self.entries, self.salt);
+        let (directory, blocks) = self.directory(provenance)?;
+        let trailer = Trailer::new(self.end, &directory, content, self.salt);
+        self.write(&[&directory, padding(directory.len()), bytemuck::bytes_of(&trailer)])?;
+        if self.reserved > self.end {
+            let freed = self.file.truncate(self.end);
+            freed.map_err(|source| self.failed("giving unused space back", source, 0))?;
+        }
+        if let Err(source) = self.file.sync() {
+            return Err(self.give_up(source));
+        }
+        self.storage
+            .rename(&self.partial, &self.path)
+            .and_then(|()| self.storage.sync_directory(directory_of(&self.path)))
+            .map_err(|source| refused(&self.path, "renaming the finished file", source, 0))?;
+        Ok(Finished { path: self.path, bytes: trailer.file_bytes, blocks, content })
+    }
+
+    /// Removes the temporary file.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn abandon(self) -> Result<()> {
+        self.storage.remove(&self.partial).map_err(|source| Error::io(&self.partial, "removing", source))
+    }
+
+    fn directory(&mut self, provenance: &[(&str, &str)]) -> Result<(Vec<u8>, usize)> {
+        let entries = std::mem::take(&mut self.entries);
+        let provenance = provenance.iter().map(|&(name, text)| (name.into(), text.into())).collect();
+        let directory = Directory { entries, provenance };
+        let bytes = rkyv::to_bytes::<rkyv::rancor::BoxedError>(&directory)
+            .map_err(|error| Error::io(&self.partial, "archiving the directory", io::Error::other(error)))?;
+        Ok((bytes.to_vec(), directory.entries.len()))
+    }
+
+    /// Writes pieces at `end` and moves it there, or leaves it where it was.
+    fn write(&mut self, pieces: &[&[u8]]) -> Result<()> {
+        self.mend()?;
+        let total: usize = pieces.iter().map(|piece| piece.len()).sum();
+        self.state = State::Torn;
+        let mut written = 0;
+        let outcome = if total <= GATHERED_BYTES {
+            write_counted(&mut self.file, &pieces.concat(), &mut written)
+        } else {
+            pieces.iter().try_for_each(|piece| write_counted(&mut self.file, piece, &mut written))
+        };
+        outcome.map_err(|source| self.failed("writing", source, (total - written) as u64))?;
+        self.state = State::Sound;
+        self.end += total as u64;
+        Ok(())
+    }
+
+    /// Cuts a torn tail off.
+    fn mend(&mut self) -> Result<()> {
+        match self.state {
+            State::Sound => return Ok(()),
+            State::Lost => {
+                let source = io::Error::other("an earlier sync failed");
+                return Err(Error::io(&self.partial, "continuing", source));
+            }
+            State::Torn => {}
+        }
+        self.file
+            .truncate(self.end)
+            .and_then(|()| self.file.seek(SeekFrom::Start(self.end)))
+            .map_err(|source| self.failed("dropping an unfinished block", source, 0))?;
+        self.state = State::Sound;
+        Ok(())
+    }
+
+    fn give_up(&mut self, source: io::Error) -> Error {
+        self.state = State::Lost;
+        // The error that counts is the sync's; a file that cannot even be cut is caught by the checksums.
+        let _ = self.file.truncate(self.synced);
+        self.failed("making blocks durable", source, self.end - self.synced)
+    }
+
+    fn failed(&self, action: &str, source: io::Error, needed_bytes: u64) -> Error {
+        refused(&self.partial, action, source, needed_bytes.max(self.reserved.saturating_sub(self.end)))
+    }
+}
+
+/// The storage's refusal as an error; where it is full, with the bytes that were still to come as far as is known.
+fn refused(file: &Path, action: &str, source: io::Error, needed_bytes: u64) -> Error {
+    if matches!(source.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) {
+        return Error::DiskFull { file: file.into(), needed_bytes: needed_bytes.max(TRAILER_BYTES as u64) };
+    }
+    Error::io(file, action, source)
+}
+
+/// `write_all` that also says how far it came.
+fn write_counted(file: &mut impl Write, mut bytes: &[u8], written: &mut usize) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match file.write(bytes) {
+            Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+            Ok(count) => {
+                bytes = &bytes[count..];
+                *written += count;
+            }
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(())
+}
+
+/// The zeros after a payload of this length.
+fn padding(bytes: usize) -> &'static [u8] {
+    const ZEROS: [u8; ALIGNMENT] = [0; ALIGNMENT];
+    &ZEROS[..bytes.next_multiple_of(ALIGNMENT) - bytes]
+}
+
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+const _: () = assert!(HEADER_BYTES.is_multiple_of(ALIGNMENT) && SUPERBLOCK_BYTES.is_multiple_of(ALIGNMENT));

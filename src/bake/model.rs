@@ -1,0 +1,103 @@
+//! A scene with everything a bake makes of it, in memory.
+
+use crate::geometry::triangle;
+use crate::light::Rgb;
+use crate::links::Surroundings;
+use crate::links::direct::Direct;
+use crate::links::lamps::Lamp;
+use crate::links::receivers::{Receivers, Spread};
+use crate::rays::Bvh;
+use crate::scene::Scene;
+use crate::sites::{Cells, Neighbours, Sites};
+use crate::solve::field::FieldParams;
+use crate::solve::{Field, Problem, Solution};
+
+/// All stages' data; each becomes whole before the next begins.
+pub struct Model {
+    /// Triangles, materials and lights.
+    pub scene: Scene,
+    /// The ray engine.
+    pub bvh: Bvh,
+    /// Where radiosity is known.
+    pub sites: Sites,
+    /// Which sites see each other.
+    pub graph: Neighbours,
+    /// Which site speaks for which bit of surface.
+    pub cells: Cells,
+    /// Lights aimed at.
+    pub lamps: Vec<Lamp>,
+    /// Albedo per site.
+    pub albedo: Vec<Rgb>,
+    /// Exitance per site where rows meet it.
+    pub exitance: Vec<Rgb>,
+    /// Lamp links.
+    pub direct: Direct,
+    /// Receivers and their rows.
+    pub receivers: Receivers,
+    /// Interpolation to sites.
+    pub spread: Spread,
+    /// The light.
+    pub solution: Solution,
+    /// How points are answered.
+    pub field: FieldParams,
+}
+
+/// Albedo and glowing exitance of every site.
+pub fn materials(scene: &Scene, sites: &Sites, glowing: &[bool]) -> (Vec<Rgb>, Vec<Rgb>) {
+    let mut albedo = Vec::with_capacity(sites.len());
+    let mut exitance = Vec::with_capacity(sites.len());
+    for s in 0..sites.len() {
+        let t = sites.triangles[s];
+        let [u, v] = sites.barycentrics[s];
+        albedo.push(scene.albedo(t, u, v));
+        let mesh = scene.mesh_of(t);
+        exitance.push(if glowing[mesh] {
+            scene.meshes[mesh].radiance * std::f32::consts::PI
+        } else {
+            Rgb::ZERO
+        });
+    }
+    (albedo, exitance)
+}
+
+impl Model {
+    /// The rays' world.
+    pub fn around(&self) -> Surroundings<'_> {
+        Surroundings {
+            scene: &self.scene,
+            bvh: &self.bvh,
+            sites: &self.sites,
+            graph: &self.graph,
+            cells: &self.cells,
+        }
+    }
+
+    /// What there is to solve.
+    pub fn problem(&self) -> Problem<'_> {
+        Problem {
+            around: self.around(),
+            receivers: &self.receivers,
+            spread: &self.spread,
+            lamps: &self.lamps,
+            direct: &self.direct,
+            albedo: &self.albedo,
+            exitance: &self.exitance,
+            sky: self.scene.sky.as_ref(),
+        }
+    }
+
+    /// The solution, ready to answer.
+    pub fn field(&self) -> Field<'_> {
+        Field { problem: self.problem(), solution: &self.solution, params: self.field }
+    }
+
+    /// The largest albedo channel of any site.
+    pub fn largest_albedo(&self) -> f32 {
+        self.albedo.iter().map(|a| a.max_element()).fold(0.0, f32::max)
+    }
+
+    /// Total area of the scene's triangles, squared local units.
+    pub fn area(&self) -> f64 {
+        (0..self.scene.triangles.len() as u32).map(|t| f64::from(triangle::area(self.scene.corners(t)))).sum()
+    }
+}

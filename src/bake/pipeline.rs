@@ -1,0 +1,117 @@
+//! The stages in their order, in memory: scene → sites → links → solution → judgement.
+
+use super::laws::Plan;
+use super::model::{Model, materials};
+use super::progress::{Monitor, Stage};
+use super::summary::StageTime;
+use super::validate::{self, Estimate, ValidateParams};
+use crate::error::Result;
+use crate::links::Surroundings;
+use crate::links::direct::Direct;
+use crate::links::lamps;
+use crate::links::receivers::{Receivers, Spread};
+use crate::rays::Bvh;
+use crate::scene::Scene;
+use crate::sites::{Cells, Neighbours, Sites};
+use crate::solve::Solution;
+use crate::solve::iterate::{IterateParams, IterateReport};
+
+/// What the stages did.
+#[derive(Debug, Clone, Default)]
+pub struct PipelineReport {
+    /// Cost by stage.
+    pub stages: Vec<StageTime>,
+    /// Rays traced, all stages.
+    pub rays: u64,
+    /// The solver's.
+    pub iterate: IterateReport,
+    /// The independent gather's.
+    pub estimate: Estimate,
+}
+
+/// Lays out sites and links by a plan and solves for the light once.
+pub fn build(
+    scene: Scene,
+    plan: &Plan,
+    bounces: Option<usize>,
+    monitor: &dyn Monitor,
+) -> Result<(Model, PipelineReport)> {
+    let mut report = PipelineReport::default();
+    let stage = Stage::start(monitor, "rays", "triangles", Some(scene.triangles.len() as u64));
+    let bvh = Bvh::build(&scene);
+    stage.advance(scene.triangles.len() as u64)?;
+    report.stages.push(stage.finish());
+
+    let stage = Stage::start(monitor, "sites", "sites", None);
+    let (sites, _) = Sites::scatter(&scene, &plan.sites);
+    let (graph, linked) = Neighbours::link(&sites, &bvh);
+    let cells = Cells::new(&scene, &sites);
+    report.rays += linked.ray_count as u64;
+    stage.advance(sites.len() as u64)?;
+    report.stages.push(stage.finish());
+
+    let (lamps, glowing) = lamps::split(&scene);
+    let (albedo, exitance) = materials(&scene, &sites, &glowing);
+    let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
+    let stage = Stage::start(monitor, "direct", "lamps", Some(lamps.len() as u64));
+    let direct = Direct::look(around, &lamps, &plan.direct);
+    report.rays += direct.rays;
+    stage.advance(lamps.len() as u64)?;
+    report.stages.push(stage.finish());
+
+    let stage = Stage::start(monitor, "links", "sites", Some(sites.len() as u64));
+    let receivers = Receivers::place(around, &plan.receivers);
+    let spread = Spread::fit(around, &receivers);
+    report.rays += receivers.rays + spread.rays;
+    stage.advance(sites.len() as u64)?;
+    report.stages.push(stage.finish());
+
+    let field = plan.field();
+    let solution = Solution::default();
+    let mut model = Model {
+        scene,
+        bvh,
+        sites,
+        graph,
+        cells,
+        lamps,
+        albedo,
+        exitance,
+        direct,
+        receivers,
+        spread,
+        solution,
+        field,
+    };
+    solve(&mut model, plan, bounces, (monitor, &mut report))?;
+    judge(&model, plan, (monitor, &mut report))?;
+    Ok((model, report))
+}
+
+fn solve(
+    model: &mut Model,
+    plan: &Plan,
+    bounces: Option<usize>,
+    (monitor, report): (&dyn Monitor, &mut PipelineReport),
+) -> Result<()> {
+    let stage = Stage::start(monitor, "solve", "iterations", None);
+    let largest_albedo = model.largest_albedo();
+    let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
+    let params = IterateParams { tolerance, most: 2000, bounces, largest_albedo };
+    let (solution, iterate) = model.problem().solve(&params);
+    model.solution = solution;
+    stage.advance(iterate.iterations as u64)?;
+    report.iterate = iterate;
+    report.stages.push(stage.finish());
+    Ok(())
+}
+
+fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut PipelineReport)) -> Result<()> {
+    let stage = Stage::start(monitor, "judge", "points", None);
+    let params = ValidateParams { points: plan.judges, rays: 1024, seed: plan.sites.seed ^ 0x1d9e };
+    report.estimate = validate::judge(&model.field(), &params);
+    report.rays += report.estimate.rays;
+    stage.advance(params.points as u64)?;
+    report.stages.push(stage.finish());
+    Ok(())
+}

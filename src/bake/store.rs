@@ -1,0 +1,355 @@
+//! A model as files of a job, and back.
+
+use std::path::Path;
+
+use glam::{Mat3, Vec3};
+
+use super::laws::Plan;
+use super::model::{Model, materials};
+use super::record::{self, SceneRecord};
+use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
+use crate::error::{Error, Result};
+use crate::geometry::SurfacePoint;
+use crate::links::compress;
+use crate::links::direct::{Direct, LampView};
+use crate::links::lamps;
+use crate::links::receivers::{Receivers, Spread};
+use crate::links::rows::{RowSummary, Rows};
+use crate::rays::Bvh;
+use crate::sites::{Cells, LevelRatio, Neighbours, SiteArrays, SiteId, Sites};
+use crate::solve::Solution;
+use crate::tree::Support;
+use crate::tree::index::SupportIndex;
+
+/// Rows per block of links.
+const BLOCK_ROWS: usize = 4096;
+/// The codec of rows: [`compress`].
+const LATTICE_CODEC: u16 = 1;
+
+const PROGRAM: &str = concat!("glowtree ", env!("CARGO_PKG_VERSION"));
+
+const fn tag(name: &str) -> Tag {
+    Tag::new(name)
+}
+
+/// Sizes of what was written.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct StoreReport {
+    /// All archives together.
+    pub archive_bytes: u64,
+    /// The rows' payload.
+    pub row_bytes: u64,
+    /// Blocks written.
+    pub blocks: u64,
+}
+
+/// Writes the model into the job directory, one file a stage.
+pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport> {
+    let mut report = StoreReport::default();
+    write_scene(model, job, digests, &mut report)?;
+    write_sites(model, job, digests, &mut report)?;
+    write_links(model, job, digests, &mut report)?;
+    write_light(model, job, digests, &mut report)?;
+    Ok(report)
+}
+
+/// Reads a model back; `plan` is the one it was made by.
+pub fn read(job: &Path, plan: &Plan) -> Result<Model> {
+    let (scene, bvh) = read_scene(job)?;
+    let (sites, graph) = read_sites(job)?;
+    let cells = Cells::new(&scene, &sites);
+    let (lamps, glowing) = lamps::split(&scene);
+    let (albedo, exitance) = materials(&scene, &sites, &glowing);
+    let (direct, receivers, spread) = read_links(job, &sites, lamps.len())?;
+    let solution = read_light(job, &receivers, &sites)?;
+    let field = plan.field();
+    Ok(Model {
+        scene,
+        bvh,
+        sites,
+        graph,
+        cells,
+        lamps,
+        albedo,
+        exitance,
+        direct,
+        receivers,
+        spread,
+        solution,
+        field,
+    })
+}
+
+fn finish(writer: Writer, report: &mut StoreReport) -> Result<()> {
+    report.blocks += writer.entries().len() as u64;
+    report.archive_bytes += writer.finish(&[("program", PROGRAM)])?.bytes;
+    Ok(())
+}
+
+fn damaged(archive: &Archive, place: &str, problem: impl Into<String>) -> Error {
+    Error::Damaged { file: archive.file().to_owned(), place: place.into(), problem: problem.into() }
+}
+
+/// Errors unless an array has as many entries as its fellows.
+fn same_length<T>(archive: &Archive, name: &str, array: &[T], expected: usize) -> Result<()> {
+    if array.len() == expected {
+        return Ok(());
+    }
+    Err(damaged(archive, name, format!("expected {expected} entries, got {}", array.len())))
+}
+
+fn open(job: &Path, kind: &str) -> Result<Archive> {
+    let archive = Archive::open(job.join(format!("{kind}.glow")))?;
+    archive.expect_kind(Tag::new(kind))?;
+    Ok(archive)
+}
+
+fn create(job: &Path, kind: &str, digests: Digests) -> Result<Writer> {
+    Writer::create(job.join(format!("{kind}.glow")), Tag::new(kind), digests)
+}
+
+fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+    let scene = &model.scene;
+    let (tables, attributes) = record::record(scene);
+    let tables = rkyv::to_bytes::<rkyv::rancor::BoxedError>(&tables)
+        .map_err(|e| Error::Usage(format!("scene tables cannot be archived: {e}")))?;
+    let mut w = create(job, "scene", digests)?;
+    let triangles = 0..scene.triangles.len() as u64;
+    w.append(tag("tables"), 0..1, &tables)?;
+    w.append(tag("vertices"), 0..scene.vertices.len() as u64, &scene.vertices)?;
+    w.append(tag("corners"), triangles.clone(), &scene.triangles)?;
+    w.append(tag("attribs"), 0..attributes.len() as u64, &attributes)?;
+    w.append(tag("branches"), triangles.clone(), model.bvh.view().branches())?;
+    w.append(tag("packets"), triangles, model.bvh.view().packets())?;
+    finish(w, report)
+}
+
+fn read_scene(job: &Path) -> Result<(crate::scene::Scene, Bvh)> {
+    let archive = open(job, "scene")?;
+    let mut aligned = rkyv::util::AlignedVec::<16>::new();
+    aligned.extend_from_slice(archive.array::<u8>(tag("tables"))?);
+    let tables: SceneRecord = rkyv::from_bytes::<SceneRecord, rkyv::rancor::BoxedError>(&aligned)
+        .map_err(|e| damaged(&archive, "tables", e.to_string()))?;
+    let scene = tables
+        .restore(
+            archive.array(tag("vertices"))?,
+            archive.array(tag("corners"))?,
+            archive.array(tag("attribs"))?,
+        )
+        .map_err(|problem| damaged(&archive, "tables", problem))?;
+    let bvh = Bvh::from_arrays(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
+        .map_err(|problem| damaged(&archive, "branches", problem.to_string()))?;
+    Ok((scene, bvh))
+}
+
+fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+    let a = &model.sites.to_arrays();
+    let all = 0..a.positions.len() as u64;
+    let mut w = create(job, "sites", digests)?;
+    let ratio = if a.ratio == LevelRatio::Two { 2.0 } else { std::f32::consts::SQRT_2 };
+    w.append(
+        tag("frame"),
+        0..1,
+        &[a.spacing, f32::from(a.finest), ratio, a.corner.x, a.corner.y, a.corner.z],
+    )?;
+    w.append(tag("position"), all.clone(), &a.positions)?;
+    w.append(tag("normal"), all.clone(), &a.normals)?;
+    w.append(tag("area"), all.clone(), &a.areas)?;
+    w.append(tag("triangle"), all.clone(), &a.triangles)?;
+    w.append(tag("barycent"), all.clone(), &a.barycentrics)?;
+    w.append(tag("level"), all.clone(), &a.levels)?;
+    w.append(tag("front_of"), 0..a.front_of.len() as u64, &a.front_of)?;
+    let (offsets, neighbours, unclean) = model.graph.to_arrays();
+    w.append(tag("graph_at"), all.clone(), offsets)?;
+    w.append(tag("graph_to"), all.clone(), neighbours)?;
+    w.append(tag("unclean"), all, &unclean)?;
+    finish(w, report)
+}
+
+fn read_sites(job: &Path) -> Result<(Sites, Neighbours)> {
+    let archive = open(job, "sites")?;
+    let frame: &[f32] = archive.array(tag("frame"))?;
+    same_length(&archive, "frame", frame, 6)?;
+    let positions: &[Vec3] = archive.array(tag("position"))?;
+    let n = positions.len();
+    let arrays = SiteArrays {
+        positions: positions.to_vec(),
+        normals: archive.array(tag("normal"))?.to_vec(),
+        areas: archive.array(tag("area"))?.to_vec(),
+        triangles: archive.array(tag("triangle"))?.to_vec(),
+        barycentrics: archive.array(tag("barycent"))?.to_vec(),
+        levels: archive.array(tag("level"))?.to_vec(),
+        front_of: archive.array(tag("front_of"))?.to_vec(),
+        spacing: frame[0],
+        finest: frame[1] as u8,
+        ratio: if frame[2] == 2.0 { LevelRatio::Two } else { LevelRatio::RootTwo },
+        corner: Vec3::new(frame[3], frame[4], frame[5]),
+    };
+    same_length(&archive, "normal", &arrays.normals, n)?;
+    same_length(&archive, "area", &arrays.areas, n)?;
+    same_length(&archive, "triangle", &arrays.triangles, n)?;
+    same_length(&archive, "barycent", &arrays.barycentrics, n)?;
+    same_length(&archive, "level", &arrays.levels, n)?;
+    let graph = Neighbours::from_arrays(
+        archive.array(tag("graph_at"))?.to_vec(),
+        archive.array(tag("graph_to"))?.to_vec(),
+        archive.array::<u8>(tag("unclean"))?,
+    );
+    Ok((Sites::from_arrays(arrays), graph))
+}
+
+fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+    let sites = 0..model.sites.len() as u64;
+    let mut w = create(job, "links", digests)?;
+    for (k, view) in model.direct.views.iter().enumerate() {
+        let lamp = k as u64..k as u64 + 1;
+        w.append(tag("lamp_see"), lamp.clone(), &view.visibility)?;
+        let penumbra: Vec<u8> = view.penumbra.iter().map(|&p| u8::from(p)).collect();
+        w.append(tag("lamp_mix"), lamp, &penumbra)?;
+    }
+    let receivers = &model.receivers;
+    let all = 0..receivers.len() as u64;
+    let ids: Vec<u32> = receivers.sites.iter().map(|s| s.0).collect();
+    let radii: Vec<f32> = receivers.index.supports().iter().map(|s| s.radius).collect();
+    let counts: Vec<[u32; 4]> = receivers
+        .rows
+        .summaries
+        .iter()
+        .map(|s| [s.hits, s.inverse_distance.to_bits(), s.black, s.escaped])
+        .collect();
+    w.append(tag("rays"), 0..1, &[receivers.rows.rays])?;
+    w.append(tag("receiver"), all.clone(), &ids)?;
+    w.append(tag("radius"), all.clone(), &radii)?;
+    w.append(tag("row_key"), all.clone(), &receivers.rows.keys)?;
+    w.append(tag("row_sums"), all, &counts)?;
+    for first in (0..receivers.len()).step_by(BLOCK_ROWS) {
+        let last = (first + BLOCK_ROWS).min(receivers.len());
+        let mut bytes = Vec::new();
+        (first..last).for_each(|r| compress::encode(receivers.rows.row(r), &mut bytes));
+        report.row_bytes += bytes.len() as u64;
+        let raw_bytes = (last - first) as u64 * u64::from(receivers.rows.rays) * 4;
+        let encoded = Encoded { codec: LATTICE_CODEC, element_bytes: 4, raw_bytes, bytes: &bytes };
+        w.append_bytes(tag("rows"), first as u64..last as u64, encoded)?;
+    }
+    w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;
+    w.append(tag("fit_to"), sites.clone(), &model.spread.receivers)?;
+    w.append(tag("fit_by"), sites, &model.spread.weights)?;
+    finish(w, report)
+}
+
+fn read_links(job: &Path, sites: &Sites, lamps: usize) -> Result<(Direct, Receivers, Spread)> {
+    let archive = open(job, "links")?;
+    let mut views = Vec::new();
+    for (see, mix) in archive.blocks(tag("lamp_see")).zip(archive.blocks(tag("lamp_mix"))) {
+        let visibility = see.array::<f32>()?.to_vec();
+        let penumbra: Vec<bool> = mix.array::<u8>()?.iter().map(|&p| p != 0).collect();
+        same_length(&archive, "lamp_see", &visibility, sites.len())?;
+        same_length(&archive, "lamp_mix", &penumbra, sites.len())?;
+        views.push(LampView { visibility, penumbra });
+    }
+    same_length(&archive, "lamp_see", &views, lamps)?;
+    let spread = Spread {
+        offsets: archive.array(tag("fit_at"))?.to_vec(),
+        receivers: archive.array(tag("fit_to"))?.to_vec(),
+        weights: archive.array(tag("fit_by"))?.to_vec(),
+        rays: 0,
+    };
+    same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
+    same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;
+    let receivers = read_receivers(&archive, sites)?;
+    let ascends =
+        spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
+    if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
+        return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
+    }
+    Ok((Direct { views, rays: 0 }, receivers, spread))
+}
+
+fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
+    let ids: &[u32] = archive.array(tag("receiver"))?;
+    let radii: &[f32] = archive.array(tag("radius"))?;
+    let keys: &[u64] = archive.array(tag("row_key"))?;
+    let counts: &[[u32; 4]] = archive.array(tag("row_sums"))?;
+    let &[rays] = archive.array::<u32>(tag("rays"))? else {
+        return Err(damaged(archive, "rays", "expected one entry"));
+    };
+    same_length(archive, "radius", radii, ids.len())?;
+    same_length(archive, "row_key", keys, ids.len())?;
+    same_length(archive, "row_sums", counts, ids.len())?;
+    if ids.iter().any(|&s| s as usize >= sites.len()) {
+        return Err(damaged(archive, "receiver", format!("expected sites below {}", sites.len())));
+    }
+    let supports: Vec<Support> = ids
+        .iter()
+        .zip(radii)
+        .map(|(&s, &radius)| {
+            let SurfacePoint { position, normal } = sites.point(SiteId(s));
+            Support { point: SurfacePoint { position, normal }, radius }
+        })
+        .collect();
+    let summaries = counts.iter().map(|&[hits, sum, black, escaped]| RowSummary {
+        hits,
+        inverse_distance: f32::from_bits(sum),
+        black,
+        escaped,
+    });
+    let met = read_rows(archive, ids.len(), rays, sites.len() as u32)?;
+    Ok(Receivers {
+        sites: ids.iter().map(|&s| SiteId(s)).collect(),
+        index: SupportIndex::new(&supports),
+        rows: Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() },
+        dead: Vec::new(),
+        rays: 0,
+    })
+}
+
+fn read_rows(archive: &Archive, rows: usize, rays: u32, sites: u32) -> Result<Vec<u32>> {
+    let mut met = Vec::new();
+    for block in archive.blocks(tag("rows")) {
+        let mut bytes = block.stored()?;
+        for _ in block.range() {
+            // A row takes at least a byte a ray: the claim is bounded by what is there.
+            if bytes.len() < rays as usize {
+                return Err(damaged(archive, "rows", format!("{} bytes left for {rays} rays", bytes.len())));
+            }
+            let start = met.len();
+            met.resize(start + rays as usize, 0);
+            let used = compress::decode(bytes, sites, &mut met[start..])
+                .map_err(|problem| damaged(archive, "rows", problem))?;
+            bytes = &bytes[used..];
+        }
+    }
+    same_length(archive, "rows", &met, rows * rays as usize)?;
+    Ok(met)
+}
+
+fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+    let s = &model.solution;
+    let receivers = 0..model.receivers.len() as u64;
+    let gradient: Vec<[f32; 9]> = s.gradient.iter().map(Mat3::to_cols_array).collect();
+    let mut w = create(job, "light", digests)?;
+    w.append(tag("irradian"), receivers.clone(), &s.irradiance)?;
+    w.append(tag("gradient"), receivers.clone(), &gradient)?;
+    w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
+    w.append(tag("surplus"), receivers, &s.surplus)?;
+    w.append(tag("radiosit"), 0..s.radiosity.len() as u64, &s.radiosity)?;
+    finish(w, report)
+}
+
+fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<Solution> {
+    let archive = open(job, "light")?;
+    let gradient: &[[f32; 9]] = archive.array(tag("gradient"))?;
+    let solution = Solution {
+        irradiance: archive.array(tag("irradian"))?.to_vec(),
+        gradient: gradient.iter().map(Mat3::from_cols_array).collect(),
+        sky_visibility: archive.array(tag("sky_seen"))?.to_vec(),
+        surplus: archive.array(tag("surplus"))?.to_vec(),
+        radiosity: archive.array(tag("radiosit"))?.to_vec(),
+    };
+    same_length(&archive, "irradian", &solution.irradiance, receivers.len())?;
+    same_length(&archive, "gradient", &solution.gradient, receivers.len())?;
+    same_length(&archive, "sky_seen", &solution.sky_visibility, receivers.len())?;
+    same_length(&archive, "surplus", &solution.surplus, receivers.len())?;
+    same_length(&archive, "radiosit", &solution.radiosity, sites.len())?;
+    Ok(solution)
+}

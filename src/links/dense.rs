@@ -1,0 +1,28 @@
+//! The dense reference operator: the same rows and weights as one matrix, for tests. Never optimised.
+
+use super::receivers::{Receivers, Spread};
+use super::rows::FIRST_MARK;
+
+/// R without albedo, site by site: `matrix[receiver site][source site]`, row sums at most one.
+pub fn matrix(sites: usize, receivers: &Receivers, spread: &Spread) -> Vec<Vec<f64>> {
+    let mut gather = vec![vec![0.0; sites]; receivers.len()];
+    for (r, row) in gather.iter_mut().enumerate() {
+        let met = receivers.rows.row(r);
+        let lost = met.iter().filter(|&&m| m == super::rows::LOST).count();
+        let live = (met.len() - lost).max(1) as f64;
+        for &m in met.iter().filter(|&&m| m < FIRST_MARK) {
+            row[m as usize] += 1.0 / live;
+        }
+    }
+    (0..sites)
+        .map(|site| {
+            let mut row = vec![0.0; sites];
+            for (&r, &w) in spread.receivers_of(site).iter().zip(spread.weights_of(site)) {
+                for (out, g) in row.iter_mut().zip(&gather[r as usize]) {
+                    *out += f64::from(w) * g;
+                }
+            }
+            row
+        })
+        .collect()
+}

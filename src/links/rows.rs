@@ -1,0 +1,191 @@
+//! Rows of R: what a receiver's cosine-distributed rays meet, one entry per ray, in lattice order.
+//!
+//! This work is based on: Kajiya, "The Rendering Equation", 1986 (the integral), and Keller's quasi-Monte Carlo
+//! radiosity (1996). A row gathered with cosine-weighted rays has no 1/r² singularity, carries visibility for free and
+//! sums to the share of rays that met something: ‖G‖∞ ≤ 1 by construction. The ray's direction is its place in the
+//! row, so that gradients and the sky need no further storage.
+
+use std::sync::OnceLock;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{Met, Surroundings};
+use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
+use crate::rays::Ray;
+
+/// The ray left the scene.
+pub const SKY: u32 = u32::MAX;
+/// The ray met the black back of a one-sided surface.
+pub const BLACK: u32 = u32::MAX - 1;
+/// The ray met a surface that no live site speaks for; the row is renormalised without it.
+pub const LOST: u32 = u32::MAX - 2;
+/// Values from here on are not sites.
+pub const FIRST_MARK: u32 = LOST;
+
+/// How rows are shot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RowParams {
+    /// Rays a row.
+    pub rays: u32,
+    /// Random seed of the lattices' shifts.
+    pub seed: u64,
+}
+
+/// What a row's rays met, in numbers.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RowSummary {
+    /// Rays that met a surface.
+    pub hits: u32,
+    /// Σ 1/t over the hits, local units.
+    pub inverse_distance: f32,
+    /// Rays that met black backs.
+    pub black: u32,
+    /// Rays that left the scene.
+    pub escaped: u32,
+}
+
+impl RowSummary {
+    /// The harmonic mean of the hit distances; infinite where nothing was hit.
+    pub fn harmonic_distance(&self) -> f32 {
+        if self.hits == 0 { f32::INFINITY } else { self.hits as f32 / self.inverse_distance.max(1e-30) }
+    }
+
+    /// Whether the receiver sits inside a solid: most of what it sees are backs.
+    pub fn is_dead(&self, rays: u32) -> bool {
+        2 * self.black > rays
+    }
+}
+
+/// The rays of all receivers, equally many each.
+#[derive(Debug, Clone, Default)]
+pub struct Rows {
+    /// Rays a row.
+    pub rays: u32,
+    /// Per row the key of its lattice shift.
+    pub keys: Vec<u64>,
+    /// Receivers × rays: the site met, or a mark.
+    pub met: Vec<u32>,
+    /// Per row.
+    pub summaries: Vec<RowSummary>,
+}
+
+impl Rows {
+    /// No rows yet, of this many rays each.
+    pub fn new(rays: u32) -> Self {
+        Self { rays, ..Self::default() }
+    }
+
+    /// How many rows there are.
+    pub fn len(&self) -> usize {
+        self.keys.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.keys.is_empty()
+    }
+
+    /// What the rays of one row met.
+    pub fn row(&self, receiver: usize) -> &[u32] {
+        let n = self.rays as usize;
+        &self.met[receiver * n..(receiver + 1) * n]
+    }
+
+    /// Shoots rows for more receivers; the keys make the result independent of the order of work.
+    pub fn extend(&mut self, around: Surroundings<'_>, points: &[SurfacePoint], keys: &[u64]) {
+        let n = self.rays as usize;
+        let start = self.met.len();
+        self.met.resize(start + points.len() * n, LOST);
+        let lattice = lattice(self.rays);
+        let summaries: Vec<RowSummary> = self.met[start..]
+            .par_chunks_mut(n)
+            .zip(points.par_iter().zip(keys))
+            .map(|(out, (point, key))| shoot(around, &lattice, point, *key, out))
+            .collect();
+        self.summaries.extend(summaries);
+        self.keys.extend_from_slice(keys);
+    }
+
+    /// Shoots one more row on this thread alone.
+    pub fn extend_serial(&mut self, around: Surroundings<'_>, point: &SurfacePoint, key: u64) {
+        let start = self.met.len();
+        self.met.resize(start + self.rays as usize, LOST);
+        let summary = shoot(around, &lattice(self.rays), point, key, &mut self.met[start..]);
+        self.summaries.push(summary);
+        self.keys.push(key);
+    }
+}
+
+/// The canonical lattice in the order rows are stored: along a curve, so that neighbouring rays meet neighbours.
+pub fn lattice(rays: u32) -> std::sync::Arc<[[f32; 2]]> {
+    static CACHE: OnceLock<std::sync::Mutex<Vec<std::sync::Arc<[[f32; 2]]>>>> = OnceLock::new();
+    let cache = CACHE.get_or_init(Default::default);
+    let mut known = cache.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    if let Some(found) = known.iter().find(|l| l.len() == rays as usize) {
+        return found.clone();
+    }
+    let mut points: Vec<[f32; 2]> = (0..rays).map(|i| hemisphere::fibonacci(i, rays, [0.0, 0.0])).collect();
+    points.sort_by_key(|p| {
+        let w = hemisphere::cosine_hemisphere(*p);
+        crate::geometry::morton::code(Vec3::new(w.x, w.y, 0.0), Vec3::new(-1.0, -1.0, 0.0), 1.0 / 128.0)
+    });
+    let made: std::sync::Arc<[[f32; 2]]> = points.into();
+    known.push(made.clone());
+    made
+}
+
+/// The directions of a row: the lattice shifted by its key, about the receiver's normal.
+#[derive(Debug, Clone, Copy)]
+pub struct Directions {
+    tangent: Vec3,
+    bitangent: Vec3,
+    normal: Vec3,
+    shift: [f32; 2],
+}
+
+impl Directions {
+    /// Of the row with this key at this normal; `rays` is the row's length.
+    pub fn new(normal: Vec3, key: u64, rays: u32) -> Self {
+        let (tangent, bitangent) = tangent_frame(normal);
+        let [a, b] = hash::unit_pair(key, 0);
+        Self { tangent, bitangent, normal, shift: [a / rays as f32, b] }
+    }
+
+    /// The world direction of a lattice point.
+    pub fn at(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let w = hemisphere::cosine_hemisphere([u + self.shift[0], v + self.shift[1]]);
+        self.tangent * w.x + self.bitangent * w.y + self.normal * w.z
+    }
+}
+
+fn shoot(
+    around: Surroundings<'_>,
+    lattice: &[[f32; 2]],
+    point: &SurfacePoint,
+    key: u64,
+    out: &mut [u32],
+) -> RowSummary {
+    let directions = Directions::new(point.normal, key, lattice.len() as u32);
+    let origin = point.lifted();
+    let mut summary = RowSummary::default();
+    for (place, at) in out.iter_mut().zip(lattice) {
+        let ray = Ray::new(origin, directions.at(*at));
+        let Some(hit) = around.bvh.closest(&ray) else {
+            *place = SKY;
+            summary.escaped += 1;
+            continue;
+        };
+        summary.hits += 1;
+        summary.inverse_distance += 1.0 / hit.distance.max(crate::geometry::LIFT);
+        *place = match around.met(&ray, &hit) {
+            Met::Site(site) => site.0,
+            Met::Black => {
+                summary.black += 1;
+                BLACK
+            }
+            Met::Lost => LOST,
+        };
+    }
+    summary
+}

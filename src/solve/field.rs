@@ -1,0 +1,148 @@
+//! Evaluation of a solution at any surface point, straight from the receivers.
+
+use rayon::prelude::*;
+use smallvec::SmallVec;
+
+use super::{Problem, Solution};
+use crate::geometry::{SurfacePoint, hash};
+use crate::light::{Rgb, mean_channel};
+use crate::links::direct::{DirectParams, Query};
+use crate::links::receivers::Receivers;
+use crate::links::rows::{self, FIRST_MARK, LOST, Rows, SKY};
+use crate::tree::Support;
+use crate::tree::mls::{self, Sign};
+
+/// The light that falls on one point, as the solution knows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Irradiance {
+    /// From emitters and punctual lamps directly, W·m⁻².
+    pub direct: Rgb,
+    /// From other surfaces and the sky, W·m⁻².
+    pub indirect: Rgb,
+    /// Cosine-weighted share of the sky that the point sees, in [0, 1].
+    pub sky_visibility: f32,
+    /// The program's own estimate of the standard error of the mean-channel irradiance, W·m⁻².
+    pub error: f32,
+}
+
+impl Irradiance {
+    /// Direct and indirect together.
+    pub fn total(&self) -> Rgb {
+        self.direct + self.indirect
+    }
+}
+
+/// How points off the receivers are answered.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FieldParams {
+    /// Shadow rays.
+    pub direct: DirectParams,
+    /// Rays a point shoots itself where no receiver speaks for it.
+    pub rays: u32,
+}
+
+/// A solved scene that answers for any surface point.
+#[derive(Clone, Copy)]
+pub struct Field<'a> {
+    /// The geometry and its links.
+    pub problem: Problem<'a>,
+    /// The light.
+    pub solution: &'a Solution,
+    /// How to answer.
+    pub params: FieldParams,
+}
+
+impl Field<'_> {
+    /// Irradiance at each point, in order; the same for any number of threads.
+    ///
+    /// Cost: one short ray and one fit of at most [`mls::MOST`] receivers a point, shadow rays in penumbrae.
+    pub fn evaluate(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
+        points.par_iter().with_min_len(64).map(|p| self.at(p)).collect()
+    }
+
+    fn at(&self, point: &SurfacePoint) -> Irradiance {
+        let problem = &self.problem;
+        let site = problem.around.site_under(point).map(|s| s.0);
+        let query = Query { point: *point, site, key: key(point) };
+        let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
+        let near = site.map_or(&[][..], |s| problem.spread.receivers_of(s as usize));
+        match fit(problem.receivers, point, near) {
+            Some(weights) => self.blend(point, near, &weights, direct),
+            None => self.gather(point, direct),
+        }
+    }
+
+    fn blend(&self, point: &SurfacePoint, near: &[u32], weights: &[f32], direct: Rgb) -> Irradiance {
+        let mut out = Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
+        for (&r, &w) in near.iter().zip(weights) {
+            let r = r as usize;
+            let turn = point.normal - self.problem.receivers.index.supports()[r].point.normal;
+            out.indirect += (self.solution.irradiance[r] + self.solution.gradient[r] * turn) * w;
+            out.sky_visibility += self.solution.sky_visibility[r] * w;
+            out.error += self.solution.surplus[r] * w.abs();
+        }
+        out.indirect = out.indirect.max(Rgb::ZERO);
+        out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
+        out
+    }
+
+    /// The point's own row, against the solved radiosities.
+    fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
+        let problem = &self.problem;
+        let mut row = Rows::new(self.params.rays);
+        row.extend_serial(problem.around, point, key(point));
+        if row.summaries[0].is_dead(self.params.rays) {
+            return Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
+        }
+        let indirect = self.row_light(&row, point);
+        let sky_visibility = row.summaries[0].escaped as f32 / self.params.rays as f32;
+        Irradiance { direct, indirect, sky_visibility, error: 0.02 * mean_channel(indirect) }
+    }
+
+    /// Irradiance through the (single) row of a point.
+    pub fn row_light(&self, row: &Rows, point: &SurfacePoint) -> Rgb {
+        let directions = rows::Directions::new(point.normal, row.keys[0], row.rays);
+        let lattice = rows::lattice(row.rays);
+        let (mut sum, mut live) = (Rgb::ZERO, 0);
+        for (at, &met) in lattice.iter().zip(row.row(0)) {
+            live += u32::from(met != LOST);
+            if met < FIRST_MARK {
+                sum += self.solution.radiosity[met as usize];
+            } else if met == SKY
+                && let Some(sky) = self.problem.sky
+            {
+                sum += sky.radiance(directions.at(*at)) * std::f32::consts::PI;
+            }
+        }
+        sum / live.max(1) as f32
+    }
+}
+
+/// Weights of the receivers at a point; None when none of them reaches it.
+fn fit(receivers: &Receivers, point: &SurfacePoint, near: &[u32]) -> Option<SmallVec<[f32; mls::MOST]>> {
+    let supports: SmallVec<[Support; mls::MOST]> =
+        near.iter().map(|&r| receivers.index.supports()[r as usize]).collect();
+    let weights = mls::weights(point, &supports, Sign::Any);
+    (!weights.is_empty()).then_some(weights)
+}
+
+/// Irradiance fitted to the given receivers, with their gradients.
+pub fn interpolate(
+    receivers: &Receivers,
+    solution: &Solution,
+    point: &SurfacePoint,
+    near: &[u32],
+) -> Option<Rgb> {
+    let weights = fit(receivers, point, near)?;
+    let value = |r: usize| {
+        let turn = point.normal - receivers.index.supports()[r].point.normal;
+        solution.irradiance[r] + solution.gradient[r] * turn
+    };
+    Some(near.iter().zip(&weights).map(|(&r, &w)| value(r as usize) * w).sum::<Rgb>().max(Rgb::ZERO))
+}
+
+/// A point's key: its coordinates' bits, so that equal points get equal answers wherever they stand in a list.
+fn key(point: &SurfacePoint) -> u64 {
+    let p = point.position.to_array().map(|v| u64::from(v.to_bits()));
+    hash::mix2(hash::mix2(p[0], p[1]), p[2])
+}
