@@ -31,7 +31,7 @@ fn fill<S: Storage>(writer: &mut Writer<S>, long: usize) -> Result<()> {
     let weights: Vec<f32> = (0..1000).map(|index| 1.0 / (1.0 + index as f32)).collect();
     let halves: Vec<u16> = (0..37).collect();
     let links: Vec<u32> = (0..long as u32).collect();
-    let packed = Encoded { codec: 3, element_bytes: 4, raw_bytes: 400, bytes: b"delta" };
+    let packed = Encoded { codec: 3, width_bytes: 4, raw_bytes: 400, bytes: b"delta" };
     for block in writer.entries().len()..7 {
         match block {
             0 => writer.append(ROWS, 0..100, &rows)?,
@@ -109,7 +109,7 @@ fn what_is_asked_wrongly_is_refused_by_name() {
     let several = said(archive.array::<f32>(WEIGHTS).map(|_| ()));
     assert!(several.contains("expected one block, got 2"), "{several}");
     let width = said(archive.array::<u32>(ROWS).map(|_| ()));
-    assert!(width.contains("block 0 `rows`: expected elements of 4 bytes, got 8"), "{width}");
+    assert!(width.contains("block 0 `rows`: expected values of 4 bytes, got 8"), "{width}");
     let codec = said(archive.array::<u32>(PACKED).map(|_| ()));
     assert!(codec.contains("expected codec 0, got 3"), "{codec}");
 

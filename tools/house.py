@@ -73,7 +73,7 @@ class Source:
 
 
 def read_sources(root):
-    files = [f for top in ("src", "tests", "benches", "examples") for f in sorted((root / top).rglob("*.rs"))]
+    files = [f for top in ("src", "tests", "benches", "examples", "tools") for f in sorted((root / top).rglob("*.rs"))]
     for file in files:
         text = file.read_text(encoding="utf-8")
         yield Source(file.relative_to(root).as_posix(), text, rust_text.code_only(text))
@@ -145,7 +145,7 @@ def check_sizes(root, sources):
         production = rust_text.production_lines(source.code)
         if lines > FILE_LINES:
             yield Finding("file", source.path, f"{lines} lines, over {FILE_LINES}: split it by what it does")
-        elif production > PRODUCTION_LINES:
+        elif production > PRODUCTION_LINES and source.path.startswith("src/"):
             yield Finding("production", source.path, f"{production} production lines, over {PRODUCTION_LINES}", False)
         for function in rust_text.functions(source.code):
             yield from check_function(source.path, function)

@@ -260,7 +260,7 @@ def specks():
     for mesh, name in ((shell, "shell"), (junk, "junk")):
         scene.mesh(name, mesh, (0.5, 0.5, 0.5), (1.0, 1.0, 1.0), sides=2)
     scene.camera("inside", (0.9, 0.9, 0.9), (0.3, 0.3, 0.3), fov=75)
-    scene.answer = f"H = E₀/(1 − ρ) = {2 * math.pi:.6g} on every surface in the room, specks included; warnings count what was mended"
+    scene.answer = f"H = E₀/(1 − ρ) = {2 * math.pi:.6g} on every surface in the room, specks included: light of coincident triangles counts once; warnings count what was mended"
     nan = float("nan")
     broken.vertices = [(0.2, 0.2, 0.2), (0.3, 0.2, 0.2), (0.2, 0.3, 0.2), (nan, 0.2, 0.2), (0.2, float("inf"), 0.2)]
     broken.faces = [(0, 1, 2), (0, 1, 3), (0, 2, 4)]
@@ -283,7 +283,8 @@ Meshes are binary little-endian PLY. H is irradiance, B radiosity, both in W·m�
 |---|---|---|---|
 {rows}
 
-`specks/nan.toml` is `specks/scene.toml` with a mesh whose triangles reach to NaN and to infinity: the same answer.
+`specks/nan.toml` is `specks/scene.toml` with a mesh whose triangles reach to NaN and to infinity: it is mended with a
+counted warning, and then the answer is the same, or refused by its place; never may a NaN come out.
 """
 
 

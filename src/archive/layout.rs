@@ -172,7 +172,7 @@ pub(super) struct BlockHeader {
     pub stored_bytes: u64,
     pub hash: u64,
     pub codec: u16,
-    pub element_bytes: u16,
+    pub width_bytes: u16,
     pub number: u32,
     pub salt: u32,
     /// crc32c of the 60 bytes before.
@@ -191,7 +191,7 @@ impl BlockHeader {
             stored_bytes: self.stored_bytes,
             hash: self.hash,
             codec: self.codec,
-            element_bytes: self.element_bytes,
+            width_bytes: self.width_bytes,
         };
         (entry.header(number, salt) == *self).then_some(entry)
     }
@@ -216,8 +216,8 @@ pub struct Entry {
     pub hash: u64,
     /// How the payload is encoded; [`PLAIN`] is a flat array.
     pub codec: u16,
-    /// Width of one element of the decoded array in bytes.
-    pub element_bytes: u16,
+    /// Width of one value of the decoded array in bytes.
+    pub width_bytes: u16,
 }
 
 impl Entry {
@@ -236,7 +236,7 @@ impl Entry {
             stored_bytes: self.stored_bytes,
             hash: self.hash,
             codec: self.codec,
-            element_bytes: self.element_bytes,
+            width_bytes: self.width_bytes,
             number,
             salt,
             crc: 0,
@@ -255,9 +255,9 @@ impl Entry {
         self.payload()?.checked_add(self.stored_bytes)?.checked_next_multiple_of(ALIGNMENT as u64)
     }
 
-    /// Whether the lengths agree with the codec and the element width.
+    /// Whether the lengths agree with the codec and the width.
     pub(super) fn is_consistent(&self) -> bool {
-        let width = u64::from(self.element_bytes);
+        let width = u64::from(self.width_bytes);
         let whole = width > 0 && self.raw_bytes.is_multiple_of(width);
         whole
             && self.first.checked_add(self.count).is_some()
@@ -317,4 +317,10 @@ pub(super) fn content(entries: &[Entry], salt: u32) -> Digest {
         hash.update(bytemuck::bytes_of(&entry.header(number, salt)));
     }
     Digest(hash.digest128().to_le_bytes())
+}
+
+/// The zeros after a payload of this length.
+pub(super) fn padding(bytes: usize) -> &'static [u8] {
+    const ZEROS: [u8; ALIGNMENT] = [0; ALIGNMENT];
+    &ZEROS[..bytes.next_multiple_of(ALIGNMENT) - bytes]
 }

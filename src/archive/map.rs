@@ -52,14 +52,15 @@ impl Map {
             let problem = format!("cut from {} to {now} bytes while in use", self.bytes.len());
             return Err(io::Error::new(io::ErrorKind::UnexpectedEof, problem));
         }
+        if range.is_empty() {
+            return Ok(());
+        }
         #[cfg(target_os = "linux")]
         match self.bytes.advise_range(Advice::PopulateRead, range.start, range.len()) {
             // Linux before 5.14 does not know the advice.
             Err(error) if error.kind() == io::ErrorKind::InvalidInput => {}
             outcome => outcome?,
         }
-        #[cfg(not(target_os = "linux"))]
-        let _ = range;
         Ok(())
     }
 

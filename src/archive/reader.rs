@@ -179,7 +179,7 @@ impl<D: AsRef<[u8]>> Archive<D> {
     /// The array of the only block with a tag.
     ///
     /// # Errors
-    /// [`Error::Damaged`] when there is none or there are several, when its elements have another width, or when its
+    /// [`Error::Damaged`] when there is none or there are several, when its values have another width, or when its
     /// checksum fails; [`Error::Io`] when it cannot be read.
     pub fn array<T: Pod>(&self, tag: Tag) -> Result<&[T]> {
         let mut blocks = self.blocks(tag);
@@ -218,24 +218,27 @@ impl<'a, D: AsRef<[u8]>> Block<'a, D> {
         if entry.codec != PLAIN {
             return Err(self.damaged(format!("expected codec {PLAIN}, got {}", entry.codec)));
         }
-        if usize::from(entry.element_bytes) != size_of::<T>() {
-            let [expected, got] = [size_of::<T>(), usize::from(entry.element_bytes)];
-            return Err(self.damaged(format!("expected elements of {expected} bytes, got {got}")));
+        if usize::from(entry.width_bytes) != size_of::<T>() {
+            let [expected, got] = [size_of::<T>(), usize::from(entry.width_bytes)];
+            return Err(self.damaged(format!("expected values of {expected} bytes, got {got}")));
         }
         bytemuck::try_cast_slice(self.stored()?)
             .map_err(|error| self.damaged(format!("expected {ALIGNMENT}-byte alignment: {error}")))
     }
 
     /// The stored bytes, encoded as [`Entry::codec`] says. [`Entry::raw_bytes`] is a claim: bound what it makes you
-    /// allocate.
+    /// allocate. Each call asks the system whether the file is still whole, so keep the slice rather than ask per row.
     ///
     /// # Errors
     /// [`Error::Damaged`] when the checksum fails; [`Error::Io`] when it cannot be read.
     pub fn stored(&self) -> Result<&'a [u8]> {
         // Relaxed: the flag guards no other memory; at worst two threads check the same block.
-        if self.archive.checked[self.number].load(Ordering::Relaxed) != WHOLE {
+        let checked = &self.archive.checked[self.number];
+        if checked.load(Ordering::Relaxed) == WHOLE {
+            self.reach(0..0)?;
+        } else {
             self.recheck()?;
-            self.archive.checked[self.number].store(WHOLE, Ordering::Relaxed);
+            checked.store(WHOLE, Ordering::Relaxed);
         }
         Ok(self.payload())
     }
@@ -246,8 +249,7 @@ impl<'a, D: AsRef<[u8]>> Block<'a, D> {
     /// As [`Block::stored`].
     pub fn recheck(&self) -> Result<()> {
         let archive = self.archive;
-        (archive.touch)(&archive.bytes, self.span())
-            .map_err(|source| unreadable(&archive.file, &self.place(), source))?;
+        self.reach(self.span())?;
         let span = &archive.bytes.as_ref()[self.span()];
         let header = self.entry().header(self.number as u32, archive.superblock.crc);
         let (stored_header, rest) = span.split_at(size_of_val(&header));
@@ -272,6 +274,12 @@ impl<'a, D: AsRef<[u8]>> Block<'a, D> {
         let next = self.archive.entries.get(self.number + 1);
         let end = next.map_or_else(|| self.entry().end().unwrap_or(0), |next| next.offset);
         self.entry().offset as usize..end as usize
+    }
+
+    fn reach(&self, range: Range<usize>) -> Result<()> {
+        let archive = self.archive;
+        (archive.touch)(&archive.bytes, range)
+            .map_err(|source| unreadable(&archive.file, &self.place(), source))
     }
 
     fn payload(&self) -> &'a [u8] {

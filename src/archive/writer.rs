@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use bytemuck::Pod;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content};
+use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content, padding};
 use super::verify::scan;
 use super::{
     ALIGNMENT, Block, Digest, Digests, Disk, Entry, PLAIN, SUPERBLOCK_BYTES, Storage, StoredFile, Tag,
@@ -52,8 +52,8 @@ enum State {
 pub struct Encoded<'a> {
     /// Number of the codec; its meaning is the caller's.
     pub codec: u16,
-    /// Width of one decoded element in bytes, at least one.
-    pub element_bytes: u16,
+    /// Width of one decoded value in bytes, at least one.
+    pub width_bytes: u16,
     /// Length of the decoded array in bytes.
     pub raw_bytes: u64,
     /// The encoded bytes.
@@ -148,6 +148,9 @@ impl<S: Storage> Writer<S> {
         (writer.entries, writer.end) = (found.entries, found.end);
         writer.state = State::Torn;
         writer.mend()?;
+        // The run before may have died without a sync; from here on a failed one costs only what comes after.
+        writer.file.sync().map_err(|source| writer.failed("making blocks durable", source, 0))?;
+        writer.synced = writer.end;
         let resumed = Resumed { blocks: writer.entries.len(), dropped_bytes: found.file_bytes - found.end };
         Ok((writer, resumed))
     }
@@ -198,18 +201,19 @@ impl<S: Storage> Writer<S> {
     }
 
     /// Appends a block: a flat array that covers `range` of the receivers, rows, triangles … of this stage. The array
-    /// need not have one element per member of the range (offsets have one more, links many).
+    /// need not have one value per member of the range (offsets have one more, links many).
     ///
     /// # Errors
-    /// [`Error::DiskFull`], [`Error::Io`]; the block is then not part of the file, and may be appended again.
-    pub fn append<T: Pod>(&mut self, tag: Tag, range: Range<u64>, elements: &[T]) -> Result<()> {
+    /// [`Error::DiskFull`], [`Error::Io`]; the block is then not part of the file, and may be appended again, unless it
+    /// was a sync that failed (see [`Writer::checkpoint`]).
+    pub fn append<T: Pod>(&mut self, tag: Tag, range: Range<u64>, values: &[T]) -> Result<()> {
         assert!(align_of::<T>() <= ALIGNMENT, "payloads are aligned to {ALIGNMENT} bytes");
-        let bytes: &[u8] = bytemuck::cast_slice(elements);
-        let element_bytes = u16::try_from(size_of::<T>()).unwrap_or(0);
+        let bytes: &[u8] = bytemuck::cast_slice(values);
+        let width_bytes = u16::try_from(size_of::<T>()).unwrap_or(0);
         self.append_bytes(
             tag,
             range,
-            Encoded { codec: PLAIN, element_bytes, raw_bytes: bytes.len() as u64, bytes },
+            Encoded { codec: PLAIN, width_bytes, raw_bytes: bytes.len() as u64, bytes },
         )
     }
 
@@ -218,7 +222,7 @@ impl<S: Storage> Writer<S> {
     /// # Errors
     /// As [`Writer::append`].
     pub fn append_bytes(&mut self, tag: Tag, range: Range<u64>, payload: Encoded<'_>) -> Result<()> {
-        let Encoded { codec, element_bytes, raw_bytes, bytes } = payload;
+        let Encoded { codec, width_bytes, raw_bytes, bytes } = payload;
         let entry = Entry {
             tag,
             first: range.start,
@@ -228,12 +232,9 @@ impl<S: Storage> Writer<S> {
             stored_bytes: bytes.len() as u64,
             hash: xxh3_64(bytes),
             codec,
-            element_bytes,
+            width_bytes,
         };
-        assert!(
-            entry.is_consistent(),
-            "lengths that do not agree with the codec and the element width: {entry:?}"
-        );
+        assert!(entry.is_consistent(), "lengths that do not agree with the codec and the width: {entry:?}");
         let number = u32::try_from(self.entries.len()).expect("fewer than 2^32 blocks");
         let header = entry.header(number, self.salt);
         self.write(&[bytemuck::bytes_of(&header), bytes, padding(bytes.len())])?;
@@ -247,8 +248,8 @@ impl<S: Storage> Writer<S> {
     /// # Errors
     /// As [`Writer::append`]; [`Error::Damaged`] when the block is damaged.
     pub fn append_copy<D: AsRef<[u8]>>(&mut self, block: Block<'_, D>) -> Result<()> {
-        let &Entry { tag, codec, element_bytes, raw_bytes, .. } = block.entry();
-        let payload = Encoded { codec, element_bytes, raw_bytes, bytes: block.stored()? };
+        let &Entry { tag, codec, width_bytes, raw_bytes, .. } = block.entry();
+        let payload = Encoded { codec, width_bytes, raw_bytes, bytes: block.stored()? };
         self.append_bytes(tag, block.range(), payload)
     }
 
@@ -263,9 +264,10 @@ impl<S: Storage> Writer<S> {
             return Err(self.give_up(source));
         }
         self.synced = self.end;
-        self.storage
-            .sync_directory(directory_of(&self.path))
-            .map_err(|source| self.failed("making the name durable", source, 0))
+        if let Err(source) = self.storage.sync_directory(directory_of(&self.path)) {
+            return Err(self.give_up(source));
+        }
+        Ok(())
     }
 
     /// Completes the file: directory, trailer, sync, rename, sync of the directory. `provenance` is pairs of name and
@@ -345,10 +347,13 @@ impl<S: Storage> Writer<S> {
     }
 
     fn give_up(&mut self, source: io::Error) -> Error {
+        let error = self.failed("making blocks durable", source, self.end - self.synced);
         self.state = State::Lost;
+        self.end = self.synced;
+        self.entries.retain(|entry| entry.end().is_some_and(|end| end <= self.synced));
         // The error that counts is the sync's; a file that cannot even be cut is caught by the checksums.
-        let _ = self.file.truncate(self.synced);
-        self.failed("making blocks durable", source, self.end - self.synced)
+        let _ = self.file.truncate(self.end);
+        error
     }
 
     fn failed(&self, action: &str, source: io::Error, needed_bytes: u64) -> Error {
@@ -378,12 +383,6 @@ fn write_counted(file: &mut impl Write, mut bytes: &[u8], written: &mut usize) -
         }
     }
     Ok(())
-}
-
-/// The zeros after a payload of this length.
-fn padding(bytes: usize) -> &'static [u8] {
-    const ZEROS: [u8; ALIGNMENT] = [0; ALIGNMENT];
-    &ZEROS[..bytes.next_multiple_of(ALIGNMENT) - bytes]
 }
 
 fn directory_of(path: &Path) -> &Path {

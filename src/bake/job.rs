@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::laws::Plan;
 use super::model::Model;
 use super::options::Options;
+use super::pictures;
 use super::pipeline;
 use super::progress::{Monitor, Stage};
 use super::store;
@@ -99,6 +100,11 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     let mut stages = vec![read];
     stages.extend(report.stages);
     stages.push(stage.finish());
+    if options.preview {
+        let field = model.field();
+        let evaluate = |points: &[SurfacePoint]| field.evaluate(points);
+        stages.extend(pictures::write(job, (&model.scene, &model.bvh), &evaluate, monitor)?);
+    }
     let links = model.receivers.rows.met.len() as u64;
     let mut summary = Summary {
         usage: meter.usage(),

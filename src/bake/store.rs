@@ -228,7 +228,7 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
         (first..last).for_each(|r| compress::encode(receivers.rows.row(r), &mut bytes));
         report.row_bytes += bytes.len() as u64;
         let raw_bytes = (last - first) as u64 * u64::from(receivers.rows.rays) * 4;
-        let encoded = Encoded { codec: LATTICE_CODEC, element_bytes: 4, raw_bytes, bytes: &bytes };
+        let encoded = Encoded { codec: LATTICE_CODEC, width_bytes: 4, raw_bytes, bytes: &bytes };
         w.append_bytes(tag("rows"), first as u64..last as u64, encoded)?;
     }
     w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;

@@ -2,6 +2,7 @@
 
 use glam::Vec3;
 
+use super::origins::lifted;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::rays::{Bvh, Ray};
@@ -9,7 +10,7 @@ use crate::scene::{Lamp, LampKind};
 
 /// Unoccluded irradiance of a lamp on a point, and the ray that must be free for it; `None` when there is none.
 pub(super) fn beam(lamp: &Lamp, at: &SurfacePoint) -> Option<(Rgb, Ray)> {
-    let origin = at.lifted();
+    let origin = lifted(at);
     let (light, ray) = match lamp.kind {
         LampKind::Sun { direction, irradiance } => {
             (irradiance * at.normal.dot(-direction), Ray::new(origin, -direction))

@@ -8,6 +8,7 @@
 
 mod emitters;
 mod lamps;
+mod origins;
 mod paths;
 mod pattern;
 mod sky;
@@ -57,7 +58,7 @@ pub struct Estimate {
 
 /// Irradiance at each point on the side its normal looks to, by path tracing.
 ///
-/// `points`: local frame; the surface below a point need not be known. `progress` hears the share of the work that is
+/// `points`: local frame; those within 1e-5 of a triangle that looks their way are moved onto it. `progress` hears the share of the work that is
 /// done, in (0, 1], about once a second, on the calling thread. Unbiased; the error falls at least as samples^(−½). The
 /// result depends on (scene, points' order, params) alone, not on the number of threads. Cost: about 1 µs a path in a
 /// room of few triangles; memory: 200 B a point at the most.
@@ -74,6 +75,8 @@ pub fn irradiance(
     let mut estimates = Vec::with_capacity(points.len());
     for block in points.chunks(block) {
         let first = estimates.len();
+        let block: Vec<SurfacePoint> =
+            block.par_iter().map(|point| origins::settled(scene, bvh, point)).collect();
         let replicates = REPLICATES as usize;
         // Each replicate of each point is a task of its own, so that one point alone uses all cores.
         let means: Vec<DVec3> = (0..block.len() * replicates)

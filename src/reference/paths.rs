@@ -10,9 +10,10 @@ use glam::Vec3;
 
 use super::emitters::Emitters;
 use super::lamps;
+use super::origins::{lifted, lifted_end};
 use super::pattern::{Draws, Purpose, unit};
 use super::sky::SkyLight;
-use crate::geometry::{LIFT, SurfacePoint, hemisphere, tangent_frame, triangle};
+use crate::geometry::{SurfacePoint, hemisphere, tangent_frame, triangle};
 use crate::light::Rgb;
 use crate::rays::{Bvh, Hit, Ray};
 use crate::scene::Scene;
@@ -55,7 +56,7 @@ impl<'a> Tracer<'a> {
             let (tangent, bitangent) = tangent_frame(at.normal);
             let direction = tangent * local.x + bitangent * local.y + at.normal * local.z;
             let chance = local.z * FRAC_1_PI;
-            let Some(hit) = self.bvh.closest(&Ray::new(at.lifted(), direction)) else {
+            let Some(hit) = self.bvh.closest(&Ray::new(lifted(&at), direction)) else {
                 light += weight * self.sky_met(direction, chance);
                 break;
             };
@@ -115,8 +116,8 @@ impl<'a> Tracer<'a> {
             return Rgb::ZERO;
         }
         // Ends just before the emitter, on the side that is seen.
-        let end = point.position + point.normal * (LIFT * front.signum());
-        if self.bvh.occluded(&Ray::between(at.lifted(), end)) {
+        let end = lifted_end(point.position, point.normal, front);
+        if self.bvh.occluded(&Ray::between(lifted(at), end)) {
             return Rgb::ZERO;
         }
         let density = point.density * square / emitted;
@@ -130,7 +131,7 @@ impl<'a> Tracer<'a> {
             return Rgb::ZERO;
         };
         let cosine = at.normal.dot(direction);
-        if cosine <= 0.0 || density <= 0.0 || self.bvh.occluded(&Ray::new(at.lifted(), direction)) {
+        if cosine <= 0.0 || density <= 0.0 || self.bvh.occluded(&Ray::new(lifted(at), direction)) {
             return Rgb::ZERO;
         }
         let share = power_share(density, cosine * FRAC_1_PI);

@@ -3,8 +3,11 @@
 //! World coordinates are read as f64, moved to a local origin and scaled to about unit size before they become f32,
 //! so that every tolerance further on is relative to the scene.
 
-mod assemble;
+pub mod assemble;
+mod faces;
+mod gltf;
 pub mod materials;
+mod obj;
 pub mod ply;
 pub mod polygon;
 pub mod sky;
@@ -236,6 +239,8 @@ fn read_mesh(path: &Path) -> Result<assemble::Contents> {
     }
     match extension(path).as_str() {
         "ply" => ply::read(path),
+        "obj" => obj::read(path),
+        "gltf" | "glb" => gltf::read(path),
         other => {
             let problem = format!("files of kind {other:?} are not read");
             Err(Error::input(path, "name", problem, "give a .ply, .obj, .gltf, .glb or .toml file"))

@@ -417,7 +417,7 @@ impl Reader<'_> {
 
     fn direction(&self, value: &Placed, key: &str) -> Result<Vec3> {
         let vector = self.vector(value, key)?.try_normalize();
-        vector.map(|v| v.as_vec3()).ok_or_else(|| {
+        vector.map(DVec3::as_vec3).ok_or_else(|| {
             self.refuse(value.span(), key, "a direction of no length", "give a vector other than zero")
         })
     }
@@ -428,7 +428,7 @@ impl Reader<'_> {
             Value::Float(_) | Value::Integer(_) => {
                 self.number(value, key).map(|grey| Rgb::splat(grey as f32))
             }
-            _ => self.vector(value, key).map(|v| v.as_vec3()),
+            _ => self.vector(value, key).map(DVec3::as_vec3),
         }
     }
 

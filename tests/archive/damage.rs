@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glowtree::archive::{Archive, Block, Digest, Digests, Tag, Writer, partial_path, verify};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 use xxhash_rust::xxh3::xxh3_64;
 
 use super::{KIND, ROWS, WEIGHTS, aligned, digests, fill, whole};
@@ -153,7 +154,7 @@ fn a_file_that_changes_under_a_reader_is_damage_not_a_bus_error() {
         let archive = write();
         archive.array::<u64>(ROWS).unwrap();
         cut(length);
-        for block in archive.all_blocks().skip(1) {
+        for block in archive.all_blocks() {
             assert_eq!(
                 block.stored().unwrap_err().exit_code(),
                 9,
@@ -209,6 +210,20 @@ fn reseal(bytes: &mut [u8]) {
     bytes[trailer + 52..trailer + 56].copy_from_slice(&crc);
 }
 
+#[test]
+fn resealing_is_what_the_writer_does() {
+    // Else the forged files below would be refused at their checksums and prove nothing.
+    let bytes = whole(digests(), 10);
+    let mut resealed = bytes.clone();
+    reseal(&mut resealed);
+    assert!(resealed == bytes);
+    let start = word(&bytes, bytes.len() - 64) as usize;
+    resealed[start] ^= 1; // the first character of a tag
+    reseal(&mut resealed);
+    let error = Archive::from_bytes(aligned(&resealed), "forged").unwrap_err().to_string();
+    assert!(error.contains("trailer: expected content"), "{error}");
+}
+
 /// Opens and touches all that can be touched; returns whether it opened.
 fn exercise(bytes: &[u8]) -> bool {
     let Ok(archive) = Archive::from_bytes(bytes, "hostile") else { return false };
@@ -231,7 +246,7 @@ fn peak_address_space() -> Option<u64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 2000, failure_persistence: None, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
 
     #[test]
     fn random_bytes_never_panic(bytes in prop::collection::vec(any::<u8>(), 0..9000)) {

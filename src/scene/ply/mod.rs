@@ -5,7 +5,6 @@
 
 pub mod body;
 pub mod columns;
-pub mod faces;
 pub mod header;
 pub mod scalar;
 pub mod vertices;

@@ -7,10 +7,10 @@ use std::path::Path;
 use ply_rs::parser::Parser;
 
 use crate::error::{Error, Result};
+use crate::scene::faces::Faces;
 use crate::scene::ply::body::record::{self, Record};
 use crate::scene::ply::body::window::Window;
 use crate::scene::ply::columns::{COLOUR, Columns, ROLES, Use};
-use crate::scene::ply::faces::Faces;
 use crate::scene::ply::header::{Element, Encoding, Kind};
 use crate::scene::ply::scalar::Scalar;
 use crate::scene::ply::vertices::{ColourReader, Row, Vertices};

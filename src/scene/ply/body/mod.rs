@@ -10,8 +10,8 @@ use std::io::{BufReader, Seek, SeekFrom};
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::scene::faces::Faces;
 use crate::scene::ply::columns::{COLOUR, Columns, POSITION};
-use crate::scene::ply::faces::Faces;
 use crate::scene::ply::header::{Element, Encoding, Header};
 use crate::scene::ply::vertices::{ColourReader, Vertices};
 use crate::scene::polygon::Count;

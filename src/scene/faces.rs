@@ -1,4 +1,4 @@
-//! Collects the rows of a PLY's face or tristrips element.
+//! Collects faces as a file lists them: triangles, polygons, strips.
 
 use glam::DVec3;
 
@@ -106,8 +106,11 @@ impl Faces {
             }
             let corner = self.corner(index)?;
             if seen >= 2 {
-                let triangle =
-                    if seen % 2 == 0 { [last[0], last[1], corner] } else { [last[1], last[0], corner] };
+                let triangle = if seen.is_multiple_of(2) {
+                    [last[0], last[1], corner]
+                } else {
+                    [last[1], last[0], corner]
+                };
                 self.push_triangle(triangle, None);
             }
             last = [last[1], corner];
