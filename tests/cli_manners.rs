@@ -169,29 +169,70 @@ fn a_reader_that_leaves_is_no_error() {
     }
 }
 
+/// Starts path tracing that would take hours, and waits until it is under way.
+#[cfg(unix)]
+fn endless(place: &Place, points: &str) -> std::process::Child {
+    let words = ["reference", "scene.toml", "--points", points, "--spp", "400000000", "-o", "never.csv"];
+    let mut child = place.command(&words).stderr(Stdio::piped()).spawn().unwrap();
+    let mut told = BufReader::new(child.stderr.take().unwrap());
+    let mut line = String::new();
+    told.read_line(&mut line).unwrap();
+    assert!(line.starts_with("reference"), "{line}");
+    // Someone must read on, or the program's own messages would fill the pipe.
+    std::thread::spawn(move || std::io::copy(&mut told, &mut std::io::sink()));
+    child
+}
+
+#[cfg(unix)]
+fn send(child: &std::process::Child, signal: &str) {
+    let sent = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
+    assert!(sent.unwrap().success());
+}
+
 #[cfg(unix)]
 #[test]
-fn signals_end_a_run_within_five_seconds_with_their_codes() {
+fn a_second_signal_ends_any_work_at_once_with_its_code() {
     let place = Place::new();
     for (signal, expected) in [("INT", 130), ("TERM", 143)] {
-        let words =
-            ["reference", "scene.toml", "--points", "points.csv", "--spp", "400000000", "-o", "never.csv"];
-        let mut child = place.command(&words).stderr(Stdio::piped()).spawn().unwrap();
-        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
-        assert!(lines.next().unwrap().unwrap().starts_with("reference"));
+        let mut child = endless(&place, "points.csv");
         let asked = Instant::now();
-        let kill = std::process::Command::new("kill")
-            .args(["-s", signal, &child.id().to_string()])
-            .status()
-            .unwrap();
-        assert!(kill.success());
-        // A second signal, for work that cannot be interrupted by the first, leaves at once.
-        std::thread::sleep(Duration::from_secs(1));
-        if child.try_wait().unwrap().is_none() {
-            let _ = std::process::Command::new("kill").args(["-s", signal, &child.id().to_string()]).status();
-        }
+        send(&child, signal);
+        std::thread::sleep(Duration::from_millis(500));
+        // One point's paths are one block of work, hundreds of seconds long: the first signal waits for its end.
+        assert!(child.try_wait().unwrap().is_none());
+        send(&child, signal);
         assert_eq!(child.wait().unwrap().code(), Some(expected), "SIG{signal}");
         assert!(asked.elapsed() < Duration::from_secs(5), "{:?}", asked.elapsed());
+        assert!(!exists(&place.path("never.csv")));
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn the_first_signal_ends_work_after_its_block_and_says_so() {
+    let place = Place::new();
+    let head = "x,y,z,nx,ny,nz\n";
+    std::fs::write(place.path("many.csv"), head.to_owned() + &"0.3,0,0.4,0,1,0\n".repeat(100_000)).unwrap();
+    for (signal, expected, name) in [("INT", 130, "SIGINT"), ("TERM", 143, "SIGTERM")] {
+        let words = [
+            "reference",
+            "scene.toml",
+            "--points",
+            "many.csv",
+            "--spp",
+            "65536",
+            "-o",
+            "never.csv",
+            "--json",
+        ];
+        let mut child = place.command(&words).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let mut told = BufReader::new(child.stdout.take().unwrap());
+        let mut line = String::new();
+        told.read_line(&mut line).unwrap();
+        send(&child, signal);
+        let last = told.lines().map_while(Result::ok).last().unwrap();
+        assert!(last.contains(&format!("\"code\":{expected}")) && last.contains(name), "{last}");
+        assert_eq!(child.wait().unwrap().code(), Some(expected), "{name}");
         assert!(!exists(&place.path("never.csv")));
     }
 }

@@ -26,7 +26,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         preview: !request.no_preview,
     };
     let mut summary = bake::run(&request.scene, &job, &options, console)?;
-    if options.preview && (summary.computed_blocks > 0 || !pictures::present(&job)) {
+    if options.preview && !pictures::present(&job) {
         let stages = pictures::of_job(&job, console)?;
         summary.usage.seconds += stages.iter().map(|stage| stage.seconds).sum::<f64>();
         summary.usage.cpu_seconds += stages.iter().map(|stage| stage.cpu_seconds).sum::<f64>();
