@@ -6,6 +6,7 @@
 //!
 //! * [`scene`] reads meshes, materials, skies, lamps and cameras into one local, unit-sized frame.
 //! * [`rays`] builds a bounding-volume hierarchy and answers closest-hit and occlusion queries, watertight.
+//! * [`scatter`] grows points over the surfaces, coarse to fine, where they are wanted.
 //! * [`sites`] scatters nested Poisson-disk sites (position, normal, area) over the surfaces.
 //! * [`tree`] arranges the sites' levels into clusters and interpolates between them (the bases).
 //! * [`links`] gathers, per receiver, direct light from lamps, light from the sky and rows of the transport operator R.
@@ -25,6 +26,7 @@ pub mod links;
 pub mod output;
 pub mod rays;
 pub mod reference;
+pub mod scatter;
 pub mod scene;
 pub mod sites;
 pub mod solve;

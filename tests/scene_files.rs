@@ -101,3 +101,24 @@ fn reference_scenes_load_with_their_counts() {
         assert_eq!(scene.sky.is_some(), name == "scan", "the sky of {name}");
     }
 }
+
+/// tobj reads the same OBJ files without any code of ours.
+#[test]
+fn tobj_agrees_on_the_meshes() {
+    let Some(folder) = shared("data/meshes") else { return };
+    for file in ["armadillo-86k.obj", "skull-100k.obj", "nefertiti-70k.obj"] {
+        let scene = scene::load(&folder.join(file)).expect(file);
+        let (models, _) = tobj::load_obj(folder.join(file), &tobj::LoadOptions::default()).expect(file);
+        assert_eq!(models.len(), 1, "{file} is one mesh of triangles");
+        let mesh = &models[0].mesh;
+        assert_eq!(mesh.indices.len(), 3 * scene.triangles.len(), "{file}");
+        // tobj numbers vertices anew, so corners are compared by where they are.
+        for (theirs, ours) in mesh.indices.iter().zip(scene.triangles.iter().flatten()) {
+            let theirs = glam::Vec3::from_slice(&mesh.positions[3 * *theirs as usize..]).as_dvec3();
+            // They round world coordinates to f32, up to three box sizes off the origin: 3 * 2^-24 of the box in
+            // each axis, and we round once more.
+            let apart = (scene.placement.to_local(theirs) - scene.vertices[*ours as usize]).length();
+            assert!(apart < 4e-7, "{file}: {theirs} is {apart} apart");
+        }
+    }
+}

@@ -11,6 +11,8 @@ use crate::solve::field::FieldParams;
 pub struct Plan {
     /// Sites.
     pub sites: SiteParams,
+    /// Spacing of sites over the radius of the receivers around.
+    pub site_spacing: f32,
     /// Lamp links.
     pub direct: DirectParams,
     /// Receivers and rows.
@@ -28,7 +30,8 @@ impl Plan {
         let ease = (error / 0.01).clamp(0.05, 20.0);
         let rays = (256.0 / ease).clamp(48.0, 2048.0) as u32;
         Self {
-            sites: SiteParams { count: (13_000.0 * ease.powf(-1.1)) as usize, seed, ..SiteParams::default() },
+            sites: SiteParams { seed, ..SiteParams::default() },
+            site_spacing: 0.5,
             direct: DirectParams {
                 first: if ease > 3.0 { 4 } else { 8 },
                 penumbra: (64.0 / ease).clamp(16.0, 512.0) as u32,
@@ -37,6 +40,8 @@ impl Plan {
             receivers: ReceiverParams {
                 factor: (0.2 * ease.sqrt()) as f32,
                 largest_radius: 0.2,
+                finest: 13_000.0 * ease.powf(-1.1),
+                density: 4.0,
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.

@@ -8,7 +8,7 @@ use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
 use crate::rays::Bvh;
 use crate::scene::Scene;
-use crate::sites::{Cells, Neighbours, Sites};
+use crate::sites::{Cells, Neighbours, Plot, Sites};
 use crate::solve::field::FieldParams;
 use crate::solve::{Field, Problem, Solution};
 
@@ -24,6 +24,8 @@ pub struct Model {
     pub graph: Neighbours,
     /// Which site speaks for which bit of surface.
     pub cells: Cells,
+    /// How the surface was served.
+    pub plots: Vec<Plot>,
     /// Lights aimed at.
     pub lamps: Vec<Lamp>,
     /// Albedo per site.

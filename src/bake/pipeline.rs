@@ -9,8 +9,10 @@ use crate::error::Result;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
-use crate::links::receivers::{Receivers, Spread};
+use crate::links::receivers::{Placement, Receivers, Spread};
+use crate::geometry::SurfacePoint;
 use crate::rays::Bvh;
+use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Sites};
 use crate::solve::Solution;
@@ -42,10 +44,17 @@ pub fn build(
     stage.advance(scene.triangles.len() as u64)?;
     report.stages.push(stage.finish());
 
+    let stage = Stage::start(monitor, "rows", "receivers", None);
+    let surface = Surface::new(&scene, leaf_order(&bvh));
+    let placement = Placement::grow(&surface, &bvh, &plan.receivers);
+    stage.advance(placement.places.len() as u64)?;
+    report.stages.push(stage.finish());
+
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let (sites, _) = Sites::scatter(&scene, &plan.sites);
+    let spacing = |at: &SurfacePoint| placement.radius_at(at).map(|r| r * plan.site_spacing);
+    let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);
     let (graph, linked) = Neighbours::link(&sites, &bvh);
-    let cells = Cells::new(&scene, &sites);
+    let cells = Cells::new(&surface, &plots);
     report.rays += linked.ray_count as u64;
     stage.advance(sites.len() as u64)?;
     report.stages.push(stage.finish());
@@ -60,9 +69,10 @@ pub fn build(
     report.stages.push(stage.finish());
 
     let stage = Stage::start(monitor, "links", "sites", Some(sites.len() as u64));
-    let receivers = Receivers::place(around, &plan.receivers);
+    report.rays += placement.rays;
+    let receivers = Receivers::settle(around, placement);
     let spread = Spread::fit(around, &receivers);
-    report.rays += receivers.rays + spread.rays;
+    report.rays += spread.rays;
     stage.advance(sites.len() as u64)?;
     report.stages.push(stage.finish());
 
@@ -74,6 +84,7 @@ pub fn build(
         sites,
         graph,
         cells,
+        plots,
         lamps,
         albedo,
         exitance,
@@ -114,4 +125,9 @@ fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut Pipe
     stage.advance(params.points as u64)?;
     report.stages.push(stage.finish());
     Ok(())
+}
+
+/// The triangles as the ray engine's leaves hold them: a spatially coherent order, without those no ray can meet.
+pub fn leaf_order(bvh: &Bvh) -> impl Iterator<Item = u32> + '_ {
+    bvh.view().packets().iter().flat_map(|packet| packet.triangles())
 }

@@ -6,6 +6,7 @@ use glam::{Mat3, Vec3};
 
 use super::laws::Plan;
 use super::model::{Model, materials};
+use super::pipeline::leaf_order;
 use super::record::{self, SceneRecord};
 use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
 use crate::error::{Error, Result};
@@ -16,7 +17,8 @@ use crate::links::lamps;
 use crate::links::receivers::{Receivers, Spread};
 use crate::links::rows::{RowSummary, Rows};
 use crate::rays::Bvh;
-use crate::sites::{Cells, LevelRatio, Neighbours, SiteArrays, SiteId, Sites};
+use crate::scatter::surface::{Piece, Surface};
+use crate::sites::{Cells, Neighbours, Plot, SiteArrays, SiteId, Sites};
 use crate::solve::Solution;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
@@ -56,8 +58,8 @@ pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport>
 /// Reads a model back; `plan` is the one it was made by.
 pub fn read(job: &Path, plan: &Plan) -> Result<Model> {
     let (scene, bvh) = read_scene(job)?;
-    let (sites, graph) = read_sites(job)?;
-    let cells = Cells::new(&scene, &sites);
+    let (sites, graph, plots) = read_sites(job)?;
+    let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, glowing) = lamps::split(&scene);
     let (albedo, exitance) = materials(&scene, &sites, &glowing);
     let (direct, receivers, spread) = read_links(job, &sites, lamps.len())?;
@@ -69,6 +71,7 @@ pub fn read(job: &Path, plan: &Plan) -> Result<Model> {
         sites,
         graph,
         cells,
+        plots,
         lamps,
         albedo,
         exitance,
@@ -146,19 +149,15 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     let a = &model.sites.to_arrays();
     let all = 0..a.positions.len() as u64;
     let mut w = create(job, "sites", digests)?;
-    let ratio = if a.ratio == LevelRatio::Two { 2.0 } else { std::f32::consts::SQRT_2 };
-    w.append(
-        tag("frame"),
-        0..1,
-        &[a.spacing, f32::from(a.finest), ratio, a.corner.x, a.corner.y, a.corner.z],
-    )?;
     w.append(tag("position"), all.clone(), &a.positions)?;
     w.append(tag("normal"), all.clone(), &a.normals)?;
     w.append(tag("area"), all.clone(), &a.areas)?;
     w.append(tag("triangle"), all.clone(), &a.triangles)?;
     w.append(tag("barycent"), all.clone(), &a.barycentrics)?;
     w.append(tag("level"), all.clone(), &a.levels)?;
-    w.append(tag("front_of"), 0..a.front_of.len() as u64, &a.front_of)?;
+    w.append(tag("spacing"), all.clone(), &a.spacings)?;
+    let plots: Vec<[u32; 7]> = model.plots.iter().map(plot_record).collect();
+    w.append(tag("plot"), 0..plots.len() as u64, &plots)?;
     let (offsets, neighbours, unclean) = model.graph.to_arrays();
     w.append(tag("graph_at"), all.clone(), offsets)?;
     w.append(tag("graph_to"), all.clone(), neighbours)?;
@@ -166,10 +165,20 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     finish(w, report)
 }
 
-fn read_sites(job: &Path) -> Result<(Sites, Neighbours)> {
+/// A plot as words.
+fn plot_record(plot: &Plot) -> [u32; 7] {
+    let Piece { first, last, path, back, area } = plot.piece;
+    [first, last, path as u32, (path >> 32) as u32, u32::from(back), area.to_bits(), plot.spacing.to_bits()]
+}
+
+fn plot(&[first, last, low, high, back, area, spacing]: &[u32; 7]) -> Plot {
+    let path = u64::from(high) << 32 | u64::from(low);
+    let piece = Piece { first, last, path, back: back != 0, area: f32::from_bits(area) };
+    Plot { piece, spacing: f32::from_bits(spacing) }
+}
+
+fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
     let archive = open(job, "sites")?;
-    let frame: &[f32] = archive.array(tag("frame"))?;
-    same_length(&archive, "frame", frame, 6)?;
     let positions: &[Vec3] = archive.array(tag("position"))?;
     let n = positions.len();
     let arrays = SiteArrays {
@@ -179,11 +188,7 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours)> {
         triangles: archive.array(tag("triangle"))?.to_vec(),
         barycentrics: archive.array(tag("barycent"))?.to_vec(),
         levels: archive.array(tag("level"))?.to_vec(),
-        front_of: archive.array(tag("front_of"))?.to_vec(),
-        spacing: frame[0],
-        finest: frame[1] as u8,
-        ratio: if frame[2] == 2.0 { LevelRatio::Two } else { LevelRatio::RootTwo },
-        corner: Vec3::new(frame[3], frame[4], frame[5]),
+        spacings: archive.array(tag("spacing"))?.to_vec(),
     };
     same_length(&archive, "normal", &arrays.normals, n)?;
     same_length(&archive, "area", &arrays.areas, n)?;
@@ -195,7 +200,8 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours)> {
         archive.array(tag("graph_to"))?.to_vec(),
         archive.array::<u8>(tag("unclean"))?,
     );
-    Ok((Sites::from_arrays(arrays), graph))
+    let plots = archive.array::<[u32; 7]>(tag("plot"))?.iter().map(plot).collect();
+    Ok((Sites::from_arrays(arrays), graph, plots))
 }
 
 fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
@@ -209,7 +215,7 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     }
     let receivers = &model.receivers;
     let all = 0..receivers.len() as u64;
-    let ids: Vec<u32> = receivers.sites.iter().map(|s| s.0).collect();
+    let ids: Vec<u32> = receivers.homes.iter().map(|s| s.0).collect();
     let radii: Vec<f32> = receivers.index.supports().iter().map(|s| s.radius).collect();
     let counts: Vec<[u32; 4]> = receivers
         .rows
@@ -220,6 +226,9 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("rays"), 0..1, &[receivers.rows.rays])?;
     w.append(tag("receiver"), all.clone(), &ids)?;
     w.append(tag("radius"), all.clone(), &radii)?;
+    let points: Vec<[Vec3; 2]> =
+        receivers.index.supports().iter().map(|s| [s.point.position, s.point.normal]).collect();
+    w.append(tag("point"), all.clone(), &points)?;
     w.append(tag("row_key"), all.clone(), &receivers.rows.keys)?;
     w.append(tag("row_sums"), all, &counts)?;
     for first in (0..receivers.len()).step_by(BLOCK_ROWS) {
@@ -279,13 +288,12 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
     if ids.iter().any(|&s| s as usize >= sites.len()) {
         return Err(damaged(archive, "receiver", format!("expected sites below {}", sites.len())));
     }
-    let supports: Vec<Support> = ids
+    let points: &[[Vec3; 2]] = archive.array(tag("point"))?;
+    same_length(archive, "point", points, ids.len())?;
+    let supports: Vec<Support> = points
         .iter()
         .zip(radii)
-        .map(|(&s, &radius)| {
-            let SurfacePoint { position, normal } = sites.point(SiteId(s));
-            Support { point: SurfacePoint { position, normal }, radius }
-        })
+        .map(|(&[position, normal], &radius)| Support { point: SurfacePoint { position, normal }, radius })
         .collect();
     let summaries = counts.iter().map(|&[hits, sum, black, escaped]| RowSummary {
         hits,
@@ -295,11 +303,9 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
     });
     let met = read_rows(archive, ids.len(), rays, sites.len() as u32)?;
     Ok(Receivers {
-        sites: ids.iter().map(|&s| SiteId(s)).collect(),
+        homes: ids.iter().map(|&s| SiteId(s)).collect(),
         index: SupportIndex::new(&supports),
         rows: Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() },
-        dead: Vec::new(),
-        rays: 0,
     })
 }
 

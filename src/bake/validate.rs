@@ -79,12 +79,11 @@ struct Sample {
 fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> Sample {
     let problem = &field.problem;
     let got = field.evaluate(std::slice::from_ref(point))[0];
-    let mut row = Rows::new(params.rays);
     let key = hash::mix2(
         params.seed,
         u64::from(point.position.x.to_bits()) ^ u64::from(point.position.y.to_bits()) << 32,
     );
-    row.extend_serial(problem.around, point, key);
+    let row = Rows::single(problem.around, point, key, params.rays);
     let indirect = field.row_light(&row, point);
     let thorough = DirectParams { first: 256, penumbra: 256, seed: params.seed };
     let direct = problem.direct.at_point(

@@ -10,9 +10,10 @@ pub mod lamps;
 pub mod receivers;
 pub mod rows;
 
-use crate::geometry::SurfacePoint;
+use crate::geometry::{SurfacePoint, triangle};
 use crate::rays::{Bvh, Hit, Ray};
 use crate::scene::Scene;
+use crate::sites::cells::Said;
 use crate::sites::{Cells, Ground, Neighbours, SiteId, Sites};
 
 /// What rays are traced in and what they find: the scene, its hierarchy, its sites and their cells.
@@ -30,15 +31,9 @@ pub struct Surroundings<'a> {
     pub cells: &'a Cells,
 }
 
-/// The surface a ray met: the side it came from, and who speaks for it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Met {
-    /// A side that reflects or emits, represented by a site.
-    Site(SiteId),
-    /// The back of a one-sided surface: black.
-    Black,
-    /// A side that reflects, but no site can be found that represents it.
-    Lost,
+/// Whether the ray meets the triangle's back.
+pub fn from_behind(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
+    triangle::area_vector(scene.corners(hit.triangle)).dot(ray.direction) > 0.0
 }
 
 impl<'a> Surroundings<'a> {
@@ -46,21 +41,13 @@ impl<'a> Surroundings<'a> {
         Ground { scene: self.scene, bvh: self.bvh, sites: self.sites, graph: self.graph }
     }
 
-    /// Whether the ray meets the triangle's back.
-    pub fn from_behind(&self, ray: &Ray, hit: &Hit) -> bool {
-        let [a, b, c] = self.scene.corners(hit.triangle);
-        (b - a).cross(c - a).dot(ray.direction) > 0.0
-    }
-
-    /// Who speaks for the surface at a hit.
-    pub fn met(&self, ray: &Ray, hit: &Hit) -> Met {
-        let back = self.from_behind(ray, hit);
-        if back && !self.scene.meshes[self.scene.mesh_of(hit.triangle)].two_sided {
-            return Met::Black;
-        }
+    /// The site that speaks for a side at a hit, or a mark of [`rows`].
+    #[inline]
+    pub fn mark(&self, hit: &Hit, back: bool) -> u32 {
         match self.cells.site(hit, back, self.ground()) {
-            Some(site) => Met::Site(site),
-            None => Met::Lost,
+            Said::Site(site) => site.0,
+            Said::Dead => rows::BLACK,
+            Said::Nobody => rows::LOST,
         }
     }
 
@@ -73,11 +60,12 @@ impl<'a> Surroundings<'a> {
             t_min: 0.0,
             t_max: 2.0 * lift,
         };
-        let under = self.bvh.closest(&ray).and_then(|hit| match self.met(&ray, &hit) {
-            Met::Site(site) => Some(site),
-            Met::Black | Met::Lost => None,
-        });
-        under.or_else(|| self.ground().represent(*point))
+        let mark = self.bvh.closest(&ray).map(|hit| self.mark(&hit, from_behind(self.scene, &ray, &hit)));
+        match mark {
+            Some(site) if site < rows::FIRST_MARK => Some(SiteId(site)),
+            Some(rows::BLACK) => None,
+            _ => self.ground().represent(point),
+        }
     }
 
     /// Whether two surface points see each other; their ends are lifted by a share of their distance, so that gentle

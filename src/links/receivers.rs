@@ -7,9 +7,15 @@
 use rayon::prelude::*;
 
 use super::Surroundings;
-use super::rows::{RowParams, Rows};
+use super::rows::{RawRows, RowParams, Rows};
 use crate::geometry::{SurfacePoint, hash};
+use crate::rays::Bvh;
+use crate::scatter::Candidate;
+use crate::scatter::growth::Growth;
+use crate::scatter::surface::Surface;
+use crate::scatter::thin::Darts;
 use crate::sites::SiteId;
+use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
 use crate::tree::index::{REACH, SupportIndex};
 use crate::tree::mls::{self, Sign};
@@ -21,147 +27,205 @@ pub struct ReceiverParams {
     pub factor: f32,
     /// Upper limit of the validity radius, local units.
     pub largest_radius: f32,
+    /// The smallest radius is √(0.76 A / this), A the area that exchanges light with other surfaces.
+    pub finest: f64,
+    /// Candidates per squared spacing and level.
+    pub density: f32,
     /// Their rows.
     pub rows: RowParams,
 }
 
 /// How many of the nearest supports are asked for visibility before a point counts as uncovered.
-const MOST_ASKED: usize = 12;
+const MOST_ASKED: usize = 8;
 
-/// The receivers, their rows, and the index that finds them.
+/// The first level has about this many receivers.
+const COARSEST: f64 = 64.0;
+
+/// Receivers by geometry alone: where rays ended, not who speaks for the surface there.
+pub struct Placement {
+    /// Their points and radii.
+    pub index: SupportIndex,
+    /// Where each lies: triangle, barycentric (u, v), back.
+    pub places: Vec<(u32, [f32; 2], bool)>,
+    /// Their rays' ends.
+    pub raw: RawRows,
+    /// Points inside solids, with the radius in which they speak for others.
+    pub dead: SupportIndex,
+    /// Rays traced.
+    pub rays: u64,
+    /// The smallest radius, local units.
+    pub smallest_radius: f32,
+}
+
+impl Placement {
+    /// Places receivers level by level until every bit of surface is covered by one that it sees.
+    ///
+    /// Deterministic for any number of threads. Cost: a row a receiver, about fifteen coverage tests a receiver.
+    pub fn grow(surface: &Surface<'_>, bvh: &Bvh, params: &ReceiverParams) -> Self {
+        let first = (0.76 * surface.area() / COARSEST).sqrt() as f32;
+        let mut growth = Growth::new(surface, first, params.rows.seed);
+        let mut placement = Self {
+            index: SupportIndex::default(),
+            places: Vec::new(),
+            raw: RawRows::new(params.rows.rays),
+            dead: SupportIndex::default(),
+            rays: 0,
+            smallest_radius: 0.0,
+        };
+        let mut settled = 0.0;
+        while !growth.active.is_empty() {
+            let candidates = growth.candidates(params.density);
+            let shares = placement.cover(bvh, &candidates);
+            let mut keep = vec![false; growth.active.len()];
+            candidates.iter().zip(&shares).for_each(|(c, s)| keep[c.piece as usize] |= s.is_none());
+            placement.add_rows((surface, bvh), params, (&growth, &candidates, &shares));
+            let exchanging = exchange(&growth, &candidates, &shares);
+            settled += exchanging.iter().zip(&keep).filter(|(_, k)| !**k).map(|(e, _)| e).sum::<f64>();
+            let open: f64 = exchanging.iter().zip(&keep).filter(|(_, k)| **k).map(|(e, _)| e).sum();
+            placement.smallest_radius = (0.76 * (settled + open) / params.finest).sqrt() as f32;
+            if growth.spacing < placement.smallest_radius {
+                break;
+            }
+            growth.descend(&keep);
+        }
+        placement.widen();
+        placement
+    }
+
+    /// Per candidate, whether a receiver covers it: the share of the receiver's rays that met surfaces (zero for the
+    /// dead); None if uncovered.
+    fn cover(&mut self, bvh: &Bvh, candidates: &[Candidate]) -> Vec<Option<f32>> {
+        let rays = self.raw.rays as f32;
+        let answers: Vec<(Option<f32>, u64)> = candidates
+            .par_iter()
+            .with_min_len(64)
+            .map_init(Vec::new, |found, candidate| {
+                let at = candidate.point;
+                let mut buried = false;
+                self.dead.for_each(&at, 1.0, |_, _| buried = true);
+                if buried {
+                    return (Some(0.0), 0);
+                }
+                self.index.nearest(&at, 1.0, found);
+                let mut rays_used = 0;
+                let by = found.iter().take(MOST_ASKED).find(|(_, id)| {
+                    rays_used += 1;
+                    mutually_visible(at, self.index.supports()[*id as usize].point, bvh)
+                });
+                (by.map(|(_, id)| self.raw.summaries[*id as usize].hits as f32 / rays), rays_used)
+            })
+            .collect();
+        self.rays += answers.iter().map(|a| a.1).sum::<u64>();
+        answers.into_iter().map(|a| a.0).collect()
+    }
+
+    /// Gives rows to the uncovered candidates that keep the level's distance from each other.
+    fn add_rows(
+        &mut self,
+        (surface, bvh): (&Surface<'_>, &Bvh),
+        params: &ReceiverParams,
+        (growth, candidates, shares): (&Growth<'_>, &[Candidate], &[Option<f32>]),
+    ) {
+        let mut darts = Darts::new(growth.spacing, 256);
+        let mut chosen: Vec<&Candidate> = Vec::new();
+        for (candidate, _) in candidates.iter().zip(shares).filter(|(_, s)| s.is_none()) {
+            if !darts.conflicts(&candidate.point) {
+                darts.keep(candidate.point);
+                chosen.push(candidate);
+            }
+        }
+        let points: Vec<SurfacePoint> = chosen.iter().map(|c| c.point).collect();
+        let first = (self.places.len() + self.dead.supports().len()) as u64;
+        let keys: Vec<u64> = (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
+        let mut fresh = RawRows::new(params.rows.rays);
+        fresh.extend((surface.scene(), bvh), &points, &keys);
+        self.rays += fresh.hits.len() as u64;
+        for (k, candidate) in chosen.into_iter().enumerate() {
+            let wanted = params.factor * fresh.summaries[k].harmonic_distance();
+            let radius = wanted.min(params.largest_radius).max(self.smallest_radius).max(1e-6);
+            let support = Support { point: points[k], radius };
+            if fresh.summaries[k].is_dead(params.rows.rays) {
+                self.dead.push(support);
+            } else {
+                self.index.push(support);
+                self.places.push((candidate.triangle, candidate.barycentric, candidate.back));
+                self.raw.push(&fresh, k);
+            }
+        }
+    }
+
+    /// Widens radii below the smallest, which became known on the way.
+    fn widen(&mut self) {
+        let supports: Vec<Support> = self
+            .index
+            .supports()
+            .iter()
+            .map(|s| Support { radius: s.radius.max(self.smallest_radius), ..*s })
+            .collect();
+        self.index = SupportIndex::new(&supports);
+    }
+
+    /// The radius that speaks for a point: its best support's; None inside solids.
+    pub fn radius_at(&self, at: &SurfacePoint) -> Option<f32> {
+        let mut best = (f32::INFINITY, None);
+        let mut see = |index: &SupportIndex, live: bool| {
+            index.for_each(at, REACH, |id, distance| {
+                if distance < best.0 {
+                    best = (distance, live.then(|| index.supports()[id as usize].radius));
+                }
+            });
+        };
+        see(&self.index, true);
+        see(&self.dead, false);
+        if best.0 == f32::INFINITY { Some(self.smallest_radius) } else { best.1 }
+    }
+}
+
+/// Per active piece the area that exchanges light: its area times the share of rays that meet surfaces there.
+fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>]) -> Vec<f64> {
+    let mut sums = vec![(0.0f64, 0u32); growth.active.len()];
+    for (candidate, share) in candidates.iter().zip(shares) {
+        let (sum, count) = &mut sums[candidate.piece as usize];
+        // Nobody knows yet what an uncovered point sees: half.
+        *sum += f64::from(share.unwrap_or(0.5));
+        *count += 1;
+    }
+    growth.active.iter().zip(&sums).map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1))).collect()
+}
+
+/// The receivers with their rows of sites.
 #[derive(Default)]
 pub struct Receivers {
-    /// The site each sits on.
-    pub sites: Vec<SiteId>,
-    /// Their points and radii, numbered alike.
+    /// Their points and radii.
     pub index: SupportIndex,
+    /// The site under each.
+    pub homes: Vec<SiteId>,
     /// Their rows, numbered alike.
     pub rows: Rows,
-    /// Sites that sit inside solids: they see backs, reflect nothing and are never interpolated from.
-    pub dead: Vec<SiteId>,
-    /// Rays traced for rows and visibility.
-    pub rays: u64,
 }
 
 impl Receivers {
-    /// Places receivers until every live site is covered by one that it sees.
-    pub fn place(around: Surroundings<'_>, params: &ReceiverParams) -> Self {
-        let mut receivers = Self { rows: Rows::new(params.rows.rays), ..Self::default() };
-        let order = visiting_order(around, params.rows.seed);
-        receivers.cover(around, params, &order);
-        receivers
+    /// Finds out who speaks for the surfaces that the rays met, and for the receivers' own places.
+    pub fn settle(around: Surroundings<'_>, placement: Placement) -> Self {
+        let homes = placement
+            .index
+            .supports()
+            .par_iter()
+            .with_min_len(64)
+            .map(|s| around.site_under(&s.point).unwrap_or(SiteId(0)))
+            .collect();
+        Self { index: placement.index, homes, rows: placement.raw.resolve(around) }
     }
 
     /// How many receivers there are.
     pub fn len(&self) -> usize {
-        self.sites.len()
+        self.rows.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.sites.is_empty()
+        self.rows.is_empty()
     }
-
-    /// Visits sites in order, in batches: the uncovered ones of a batch that do not crowd each other get rows.
-    fn cover(&mut self, around: Surroundings<'_>, params: &ReceiverParams, order: &[SiteId]) {
-        let mut waiting: Vec<SiteId> = Vec::new();
-        let mut rest = order;
-        let mut size = 32;
-        while !rest.is_empty() || !waiting.is_empty() {
-            let (now, later) = rest.split_at(size.min(rest.len()));
-            rest = later;
-            waiting.extend_from_slice(now);
-            let (uncovered, rays) = self.uncovered(around, &waiting);
-            self.rays += rays;
-            let (chosen, postponed) = self.choose(around, &uncovered);
-            waiting = postponed;
-            self.shoot(around, params, &chosen);
-            size = (self.len() / 2).max(64);
-        }
-    }
-
-    /// The sites of a batch that no receiver covers, and the rays it took to tell.
-    fn uncovered(&self, around: Surroundings<'_>, batch: &[SiteId]) -> (Vec<SiteId>, u64) {
-        let answers: Vec<(bool, u64)> = batch
-            .par_iter()
-            .map_init(Vec::new, |found, site| {
-                let at = around.sites.point(*site);
-                self.index.nearest(&at, 1.0, found);
-                let mut rays = 0;
-                let covered = found.iter().take(MOST_ASKED).any(|(_, id)| {
-                    rays += 1;
-                    around.mutually_visible(&at, &self.index.supports()[*id as usize].point)
-                });
-                (covered, rays)
-            })
-            .collect();
-        let rays = answers.iter().map(|a| a.1).sum();
-        (batch.iter().zip(&answers).filter(|(_, a)| !a.0).map(|(s, _)| *s).collect(), rays)
-    }
-
-    /// Of uncovered sites, those that can get rows at once, and those that wait for their neighbours' radii.
-    fn choose(&self, around: Surroundings<'_>, uncovered: &[SiteId]) -> (Vec<SiteId>, Vec<SiteId>) {
-        let guess = |at: &SurfacePoint| {
-            let mut best = (f32::INFINITY, around.sites.spacing);
-            self.index.for_each(at, REACH, |id, distance| {
-                if distance < best.0 {
-                    best = (distance, self.index.supports()[id as usize].radius);
-                }
-            });
-            best.1
-        };
-        let points: Vec<Support> = uncovered
-            .par_iter()
-            .map(|s| {
-                let point = around.sites.point(*s);
-                Support { point, radius: guess(&point) }
-            })
-            .collect();
-        let mut taken = SupportIndex::default();
-        let (mut chosen, mut postponed) = (Vec::new(), Vec::new());
-        for (site, support) in uncovered.iter().zip(&points) {
-            let mut crowded = false;
-            taken.for_each(&support.point, 1.0, |_, _| crowded = true);
-            if crowded {
-                postponed.push(*site);
-            } else {
-                chosen.push(*site);
-                taken.push(*support);
-            }
-        }
-        (chosen, postponed)
-    }
-
-    /// Gives rows to sites; those that turn out to sit inside solids are put aside.
-    fn shoot(&mut self, around: Surroundings<'_>, params: &ReceiverParams, chosen: &[SiteId]) {
-        let points: Vec<SurfacePoint> = chosen.iter().map(|s| around.sites.point(*s)).collect();
-        let keys: Vec<u64> = chosen.iter().map(|s| hash::mix2(params.rows.seed, u64::from(s.0))).collect();
-        let mut fresh = Rows::new(params.rows.rays);
-        fresh.extend(around, &points, &keys);
-        self.rays += (chosen.len() * params.rows.rays as usize) as u64;
-        for (k, site) in chosen.iter().enumerate() {
-            if fresh.summaries[k].is_dead(params.rows.rays) {
-                self.dead.push(*site);
-                continue;
-            }
-            let wanted = params.factor * fresh.summaries[k].harmonic_distance();
-            let radius = wanted.min(params.largest_radius).max(around.sites.spacing);
-            self.sites.push(*site);
-            self.index.push(Support { point: points[k], radius });
-            self.rows.keys.push(keys[k]);
-            self.rows.summaries.push(fresh.summaries[k]);
-            self.rows.met.extend_from_slice(fresh.row(k));
-        }
-    }
-}
-
-/// Coarse levels first, each in hashed order: a blue-noise order at every prefix.
-fn visiting_order(around: Surroundings<'_>, seed: u64) -> Vec<SiteId> {
-    let mut order: Vec<(u8, u64, u32)> = (0..around.sites.len())
-        .map(|s| (around.sites.levels[s], hash::mix2(seed ^ 0x0bde, s as u64), s as u32))
-        .collect();
-    order.par_sort_unstable();
-    order.into_iter().map(|(_, _, s)| SiteId(s)).collect()
 }
 
 /// Interpolation from receivers to sites: for each site the receivers it sees, and non-negative weights.

@@ -10,9 +10,10 @@ use std::sync::OnceLock;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Met, Surroundings};
+use super::Surroundings;
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
-use crate::rays::Ray;
+use crate::rays::{Bvh, Hit, Ray};
+use crate::scene::Scene;
 
 /// The ray left the scene.
 pub const SKY: u32 = u32::MAX;
@@ -57,6 +58,74 @@ impl RowSummary {
     }
 }
 
+/// Where the rays of some receivers met the scene, before anybody speaks for the surfaces: geometry alone.
+#[derive(Debug, Clone, Default)]
+pub struct RawRows {
+    /// Rays a row.
+    pub rays: u32,
+    /// Per row the key of its lattice shift.
+    pub keys: Vec<u64>,
+    /// Receivers × rays.
+    pub hits: Vec<RawHit>,
+    /// Per row.
+    pub summaries: Vec<RowSummary>,
+}
+
+/// One ray's end: a triangle's side with barycentric coordinates, or a mark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RawHit {
+    /// Triangle · 2 + 1 for its back, or [`SKY`] or [`BLACK`].
+    side: u32,
+    u: f32,
+    v: f32,
+}
+
+impl RawRows {
+    /// No rows yet, of this many rays each.
+    pub fn new(rays: u32) -> Self {
+        Self { rays, ..Self::default() }
+    }
+
+    /// Shoots rows from more points; the keys make the result independent of the order of work.
+    pub fn extend(&mut self, (scene, bvh): (&Scene, &Bvh), points: &[SurfacePoint], keys: &[u64]) {
+        let n = self.rays as usize;
+        let start = self.hits.len();
+        self.hits.resize(start + points.len() * n, RawHit { side: SKY, u: 0.0, v: 0.0 });
+        let lattice = lattice(self.rays);
+        let summaries: Vec<RowSummary> = self.hits[start..]
+            .par_chunks_mut(n)
+            .zip(points.par_iter().zip(keys))
+            .map(|(out, (point, key))| shoot((scene, bvh), &lattice, (point, *key), out))
+            .collect();
+        self.summaries.extend(summaries);
+        self.keys.extend_from_slice(keys);
+    }
+
+    /// Adds one row of others.
+    pub fn push(&mut self, others: &Self, row: usize) {
+        let n = self.rays as usize;
+        self.keys.push(others.keys[row]);
+        self.summaries.push(others.summaries[row]);
+        self.hits.extend_from_slice(&others.hits[row * n..(row + 1) * n]);
+    }
+
+    /// Asks for every hit who speaks for the surface there.
+    pub fn resolve(self, around: Surroundings<'_>) -> Rows {
+        let met = self.hits.par_iter().with_min_len(256).map(|hit| hit.met(around)).collect();
+        Rows { rays: self.rays, keys: self.keys, met, summaries: self.summaries }
+    }
+}
+
+impl RawHit {
+    fn met(&self, around: Surroundings<'_>) -> u32 {
+        if self.side >= FIRST_MARK {
+            return self.side;
+        }
+        let hit = Hit { distance: 0.0, triangle: self.side >> 1, u: self.u, v: self.v };
+        around.mark(&hit, self.side & 1 == 1)
+    }
+}
+
 /// The rays of all receivers, equally many each.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
@@ -71,11 +140,6 @@ pub struct Rows {
 }
 
 impl Rows {
-    /// No rows yet, of this many rays each.
-    pub fn new(rays: u32) -> Self {
-        Self { rays, ..Self::default() }
-    }
-
     /// How many rows there are.
     pub fn len(&self) -> usize {
         self.keys.len()
@@ -92,28 +156,12 @@ impl Rows {
         &self.met[receiver * n..(receiver + 1) * n]
     }
 
-    /// Shoots rows for more receivers; the keys make the result independent of the order of work.
-    pub fn extend(&mut self, around: Surroundings<'_>, points: &[SurfacePoint], keys: &[u64]) {
-        let n = self.rays as usize;
-        let start = self.met.len();
-        self.met.resize(start + points.len() * n, LOST);
-        let lattice = lattice(self.rays);
-        let summaries: Vec<RowSummary> = self.met[start..]
-            .par_chunks_mut(n)
-            .zip(points.par_iter().zip(keys))
-            .map(|(out, (point, key))| shoot(around, &lattice, point, *key, out))
-            .collect();
-        self.summaries.extend(summaries);
-        self.keys.extend_from_slice(keys);
-    }
-
-    /// Shoots one more row on this thread alone.
-    pub fn extend_serial(&mut self, around: Surroundings<'_>, point: &SurfacePoint, key: u64) {
-        let start = self.met.len();
-        self.met.resize(start + self.rays as usize, LOST);
-        let summary = shoot(around, &lattice(self.rays), point, key, &mut self.met[start..]);
-        self.summaries.push(summary);
-        self.keys.push(key);
+    /// A single row, shot on this thread alone.
+    pub fn single(around: Surroundings<'_>, point: &SurfacePoint, key: u64, rays: u32) -> Self {
+        let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; rays as usize];
+        let summary = shoot((around.scene, around.bvh), &lattice(rays), (point, key), &mut hits);
+        let met = hits.iter().map(|hit| hit.met(around)).collect();
+        Self { rays, keys: vec![key], met, summaries: vec![summary] }
     }
 }
 
@@ -160,32 +208,30 @@ impl Directions {
 }
 
 fn shoot(
-    around: Surroundings<'_>,
+    (scene, bvh): (&Scene, &Bvh),
     lattice: &[[f32; 2]],
-    point: &SurfacePoint,
-    key: u64,
-    out: &mut [u32],
+    (point, key): (&SurfacePoint, u64),
+    out: &mut [RawHit],
 ) -> RowSummary {
     let directions = Directions::new(point.normal, key, lattice.len() as u32);
     let origin = point.lifted();
     let mut summary = RowSummary::default();
     for (place, at) in out.iter_mut().zip(lattice) {
         let ray = Ray::new(origin, directions.at(*at));
-        let Some(hit) = around.bvh.closest(&ray) else {
-            *place = SKY;
+        let Some(hit) = bvh.closest(&ray) else {
+            place.side = SKY;
             summary.escaped += 1;
             continue;
         };
         summary.hits += 1;
         summary.inverse_distance += 1.0 / hit.distance.max(crate::geometry::LIFT);
-        *place = match around.met(&ray, &hit) {
-            Met::Site(site) => site.0,
-            Met::Black => {
-                summary.black += 1;
-                BLACK
-            }
-            Met::Lost => LOST,
-        };
+        let back = super::from_behind(scene, &ray, &hit);
+        if back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
+            summary.black += 1;
+            place.side = BLACK;
+        } else {
+            *place = RawHit { side: hit.triangle << 1 | u32::from(back), u: hit.u, v: hit.v };
+        }
     }
     summary
 }

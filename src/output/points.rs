@@ -73,10 +73,9 @@ impl Column {
     }
 
     /// Three columns `name_r`, `name_g`, `name_b`.
-    pub fn rgb(name: &str, values: impl IntoIterator<Item = Rgb> + Clone) -> [Self; 3] {
-        [("r", 0), ("g", 1), ("b", 2)].map(|(suffix, channel)| {
-            Self::new(format!("{name}_{suffix}"), values.clone().into_iter().map(|c| c[channel]))
-        })
+    pub fn rgb(name: &str, values: &[Rgb]) -> [Self; 3] {
+        [("r", 0), ("g", 1), ("b", 2)]
+            .map(|(suffix, channel)| Self::new(format!("{name}_{suffix}"), values.iter().map(|c| c[channel])))
     }
 }
 
@@ -297,7 +296,8 @@ mod tests {
         let points = table.local(&placement);
         assert_eq!(points[0], SurfacePoint { position: Vec3::new(0.0, -0.25, 1.5), normal: Vec3::NEG_Z });
         assert_eq!(points[1].normal, Vec3::new(0.6, 0.8, 0.0));
-        let [r, g, b] = Column::rgb("irradiance", [Rgb::new(0.1, 1e-9, 3.0), Rgb::new(2e20, 0.0, 1.0 / 3.0)]);
+        let [r, g, b] =
+            Column::rgb("irradiance", &[Rgb::new(0.1, 1e-9, 3.0), Rgb::new(2e20, 0.0, 1.0 / 3.0)]);
         let out = written(&table, &[r, g, b]);
         assert_eq!(
             out,

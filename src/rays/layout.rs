@@ -139,6 +139,11 @@ impl Packet {
         Self { corners: [[[f32::NAN; LANES]; 3]; 3], triangle: [NO_TRIANGLE; LANES] }
     }
 
+    /// The triangles it holds.
+    pub fn triangles(&self) -> impl Iterator<Item = u32> + use<> {
+        self.triangle.into_iter().filter(|&t| t != NO_TRIANGLE)
+    }
+
     /// Fills one of the four lanes.
     pub fn set(&mut self, lane: usize, corners: [Vec3; 3], triangle: u32) {
         for (corner, position) in corners.iter().enumerate() {

@@ -63,6 +63,56 @@ fn from_point(at: &SurfacePoint, origin: Vec3, position: Vec3, intensity: Rgb) -
 /// Share of a spot's light at an angle off its axis: the square of the linear ramp between the cosines, as in
 /// KHR_lights_punctual.
 fn cone(cosine: f32, inner: f32, outer: f32) -> f32 {
-    let ramp = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
+    let ramp = ((cosine - outer) / (inner - outer).max(1e-3)).clamp(0.0, 1.0);
     ramp * ramp
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A spot, two point lamps and a sun about the origin; a small triangle hides the second point lamp.
+    fn scene() -> (Vec<Lamp>, Bvh, SurfacePoint) {
+        let point = |position| LampKind::Point { position, intensity: Rgb::new(1.0, 2.0, 3.0) };
+        let spot = LampKind::Spot {
+            position: Vec3::Z,
+            direction: Vec3::NEG_Z,
+            intensity: Rgb::ONE,
+            inner_cosine: 0.9,
+            outer_cosine: 0.8,
+        };
+        let sun = LampKind::Sun { direction: Vec3::new(0.6, 0.0, -0.8), irradiance: Rgb::splat(0.5) };
+        let kinds = [spot, point(Vec3::new(0.0, 0.6, 0.8)), point(Vec3::new(0.0, -0.6, 0.8)), sun];
+        let lamps = kinds.map(|kind| Lamp { name: String::new(), kind }).to_vec();
+        let blocker = [Vec3::new(-0.1, -0.3, 0.3), Vec3::new(0.1, -0.3, 0.3), Vec3::new(0.0, -0.3, 0.6)];
+        let bvh = Bvh::build_triangles(&blocker, &[[0, 1, 2]]);
+        (lamps, bvh, SurfacePoint { position: Vec3::ZERO, normal: Vec3::Z })
+    }
+
+    #[test]
+    fn lamps_add_up_and_cast_shadows() {
+        let (lamps, bvh, at) = scene();
+        // Spot on its axis at distance 1; the free point lamp and the sun at cosine 0.8.
+        let want = Rgb::ONE + Rgb::new(0.8, 1.6, 2.4) + Rgb::splat(0.4);
+        assert!((direct(&lamps, &bvh, &at) - want).length() < 1e-5);
+        let below = SurfacePoint { normal: Vec3::NEG_Z, ..at };
+        assert_eq!(direct(&lamps, &bvh, &below), Rgb::ZERO);
+    }
+
+    #[test]
+    fn drawing_one_lamp_is_unbiased() {
+        let (lamps, bvh, at) = scene();
+        let n = 10_000u16;
+        let number = |i: u16| (f32::from(i) + 0.5) / f32::from(n);
+        let mean = (0..n).map(|i| one_of(&lamps, &bvh, &at, number(i)).as_dvec3()).sum::<glam::DVec3>()
+            / f64::from(n);
+        // Equidistant numbers on four intervals: each share is off by 1/n at the most, of estimates below 20.
+        assert!((mean - direct(&lamps, &bvh, &at).as_dvec3()).abs().max_element() < 8e-3, "{mean}");
+    }
+
+    #[test]
+    fn cones_fade_between_their_cosines() {
+        assert_eq!([0.95, 0.9, 0.8, 0.1].map(|c| cone(c, 0.9, 0.8)), [1.0, 1.0, 0.0, 0.0]);
+        assert!((cone(0.85, 0.9, 0.8) - 0.25).abs() < 1e-5);
+    }
 }

@@ -20,6 +20,7 @@ pub(super) enum SkyLight<'a> {
 
 /// A latitude–longitude image and a density over the sphere that is constant within each texel.
 pub(super) struct Panorama<'a> {
+    sky: &'a Sky,
     image: &'a Texture,
     to_image: Mat3,
     rows: Density,
@@ -31,8 +32,8 @@ impl<'a> SkyLight<'a> {
     pub fn new(sky: Option<&'a Sky>) -> Self {
         match sky {
             Some(Sky::Constant(radiance)) if mean_channel(*radiance) > 0.0 => Self::Even(*radiance),
-            Some(Sky::Image { image, to_image }) => {
-                Panorama::new(image, *to_image).map_or(Self::Dark, Self::Image)
+            Some(sky @ Sky::Image { image, to_image }) => {
+                Panorama::new(sky, image, *to_image).map_or(Self::Dark, Self::Image)
             }
             _ => Self::Dark,
         }
@@ -40,7 +41,7 @@ impl<'a> SkyLight<'a> {
 }
 
 impl<'a> Panorama<'a> {
-    fn new(image: &'a Texture, to_image: Mat3) -> Option<Self> {
+    fn new(sky: &'a Sky, image: &'a Texture, to_image: Mat3) -> Option<Self> {
         let rows = 0..image.height;
         let columns: Vec<Option<Density>> = rows
             .clone()
@@ -48,15 +49,12 @@ impl<'a> Panorama<'a> {
             .collect();
         let weight = |row: u32| columns[row as usize].as_ref().map_or(0.0, Density::total) * band(image, row);
         let rows = Density::new(rows.map(weight))?;
-        Some(Self { image, to_image, rows, columns })
+        Some(Self { sky, image, to_image, rows, columns })
     }
 
     /// The radiance that arrives against `direction` (unit, scene's frame).
     pub fn radiance(&self, direction: Vec3) -> Rgb {
-        let at = on_image(self.to_image * direction);
-        // Rows end at the poles; columns run round.
-        let margin = 0.5 / self.image.height as f32;
-        self.image.bilinear_repeat(Vec2::new(at.x, at.y.clamp(margin, 1.0 - margin)))
+        self.sky.radiance(direction)
     }
 
     /// A direction at two numbers given in 32-bit fractions of one, with its density by solid angle.

@@ -204,7 +204,9 @@ fn append(scene: &mut Scene, part: Part, file: PathBuf) -> Result<bool> {
     let first_vertex = scene.vertices.len() as u32;
     let first_triangle = scene.triangles.len() as u32;
     let placement = scene.placement;
-    scene.vertices.extend(part.positions.iter().map(|&p| placement.to_local(p)));
+    // Corners lie within the unit box; only a vertex that no triangle uses can be far enough out to overflow.
+    let far = Vec3::splat(1.0e30);
+    scene.vertices.extend(part.positions.iter().map(|&p| placement.to_local(p).clamp(-far, far)));
     let mut triangles = part.triangles;
     let before = triangles.len();
     triangles.iter_mut().flatten().for_each(|corner| *corner += first_vertex);

@@ -209,6 +209,13 @@ pub struct Scene {
 /// [`Error::Input`] with file, place, problem and remedy for anything that cannot be read or that light transport has
 /// no meaning for; [`Error::Io`] when the system fails.
 pub fn load(path: &Path) -> Result<Scene> {
+    let remedy = "give a .ply, .obj, .gltf, .glb or .toml file";
+    if !path.exists() {
+        return Err(Error::input(path, "file", "it does not exist", format!("check the path, or {remedy}")));
+    }
+    if path.is_dir() {
+        return Err(Error::input(path, "file", "it is a folder", remedy));
+    }
     let is_scene_file = extension(path) == "toml";
     let mut contents = if is_scene_file { toml::read(path)? } else { read_mesh(path)? };
     if !contents.emits() {
@@ -225,18 +232,15 @@ pub fn load(path: &Path) -> Result<Scene> {
             part.name.clone_from(&stem);
         }
     }
-    make_unique(contents.parts.iter_mut().map(|part| &mut part.name));
-    make_unique(contents.lamps.iter_mut().map(|lamp| &mut lamp.name));
+    // Meshes and lamps share one space of names: relighting addresses both.
+    let meshes = contents.parts.iter_mut().map(|part| &mut part.name);
+    make_unique(meshes.chain(contents.lamps.iter_mut().map(|lamp| &mut lamp.name)));
     make_unique(contents.cameras.iter_mut().map(|camera| &mut camera.rest.name));
     contents.into_scene(path)
 }
 
 /// Reads one mesh file by its extension.
 fn read_mesh(path: &Path) -> Result<assemble::Contents> {
-    if !path.exists() {
-        let remedy = "check the path; a scene is a .ply, .obj, .gltf, .glb or .toml file";
-        return Err(Error::input(path, "file", "it does not exist", remedy));
-    }
     match extension(path).as_str() {
         "ply" => ply::read(path),
         "obj" => obj::read(path),

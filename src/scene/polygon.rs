@@ -62,7 +62,7 @@ pub fn triangulate(positions: &[DVec3], corners: &[u32], out: &mut Vec<[u32; 3]>
     }
     push_fan(&outline, out);
     // A flat outline has nothing to cut wrongly: its triangles are dropped later, for they have no area.
-    normal == DVec3::ZERO
+    (1..count - 1).all(|k| (at(k) - at(0)).cross(at(k + 1) - at(0)) == DVec3::ZERO)
 }
 
 fn push_fan(outline: &[u32], out: &mut Vec<[u32; 3]>) {

@@ -68,6 +68,9 @@ pub fn read_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Texture>
             return Err(Error::input(path, "name", problem, "give a .exr or .hdr file"));
         }
     };
+    if image.pixels.is_empty() {
+        return Err(Error::input(path, "picture", "it has no pixels", "give another picture"));
+    }
     if let Some(at) = image.pixels.iter().position(|pixel| !pixel.is_finite()) {
         let (x, y) = (at % image.width as usize, at / image.width as usize);
         let problem = format!("the value {} is not finite", image.pixels[at]);

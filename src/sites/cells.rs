@@ -1,86 +1,53 @@
 //! Which site stands for the bit of surface that a ray met: a table over small cells of every triangle.
 //!
 //! A cell's site is the one that minimises d² + 4h²(1 − n·n′) for the cell's centre; when that site is unclean it must
-//! also be visible from there, or the next nearest is taken. Cells tile a triangle through Heitz' area-preserving map to
-//! the square (2019), so that none is wasted; triangles smaller than a cell have one. The table is filled at first
-//! touch; as a cell's site depends on the cell alone, it does not matter who fills it.
+//! also be visible from there, or the next nearest is taken. A triangle is quartered until its parts are as small as the
+//! sites around are dense; triangles smaller than that have one cell. The table is filled at first touch; as a cell's
+//! site depends on the cell alone, it does not matter who fills it.
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use rayon::prelude::*;
-
-use super::candidates::Sides;
 use super::neighbours::{Neighbours, mutually_visible};
-use super::{SiteId, Sites, grid};
+use super::{Plot, SiteId, Sites};
 use crate::geometry::{SurfacePoint, triangle};
 use crate::rays::{Bvh, Hit};
+use crate::scatter::surface::{Surface, quarter, side_normal, unfold};
 use crate::scene::Scene;
 
 /// Edge of a cell in spacings. Larger cells blur the borders between sites, smaller ones cost memory by the square.
-const CELL_SPACINGS: f32 = 0.6;
+const CELL_SPACINGS: f32 = 0.7;
 
 /// Nearest sites tried for visibility before a cell is left without one.
 const TRIES: usize = 8;
 
-/// Triangles that share a record.
-const GROUP: usize = 64;
+/// Quarterings within one slot at the most.
+const FINEST: u32 = 12;
 
 const UNFILLED: u32 = 0;
 const NO_SITE: u32 = u32::MAX;
-/// Marks a group whose triangles have one cell each.
-const PLAIN: u32 = u32::MAX;
 
-/// Where the cells of [`GROUP`] triangles are.
-#[derive(Debug, Clone, Copy)]
-struct Group {
-    /// First cell, when each triangle has one: fronts, then backs.
-    base: u32,
-    /// First of the group's [`Tiling`]s, or [`PLAIN`].
-    tilings: u32,
-}
-
-/// The cells of one triangle: rows of columns, fronts, then backs.
-#[derive(Debug, Clone, Copy)]
-struct Tiling {
+/// What became of one triangle or part of one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Slot {
+    /// First cell, or the first of four slots.
     first: u32,
-    columns: u16,
-    rows: u16,
+    /// Quarterings that its cells are apart, or [`SPLIT`], or [`DEAD`].
+    depth: u32,
 }
 
-impl Tiling {
-    fn len(self) -> usize {
-        usize::from(self.columns) * usize::from(self.rows)
-    }
+const SPLIT: u32 = 100;
+const DEAD: u32 = 101;
+const NOTHING: Slot = Slot { first: 0, depth: DEAD };
 
-    /// The cell at barycentric (u, v).
-    fn cell(self, u: f32, v: f32) -> usize {
-        // The inverse of Heitz' map.
-        let (x, y) = if v > u { (2.0 * u, u + v) } else { (u + v, 2.0 * v) };
-        // Conversions saturate: hits a little outside count to the border.
-        let column = ((x * f32::from(self.columns)) as usize).min(usize::from(self.columns) - 1);
-        let row = ((y * f32::from(self.rows)) as usize).min(usize::from(self.rows) - 1);
-        row * usize::from(self.columns) + column
-    }
-
-    /// Barycentric (u, v) of a cell's centre.
-    fn centre(self, cell: usize) -> (f32, f32) {
-        if self.len() == 1 {
-            return (1.0 / 3.0, 1.0 / 3.0);
-        }
-        let (row, column) = (cell / usize::from(self.columns), cell % usize::from(self.columns));
-        let x = (column as f32 + 0.5) / f32::from(self.columns);
-        let y = (row as f32 + 0.5) / f32::from(self.rows);
-        triangle::uniform_barycentric([x, y])
-    }
-}
-
-/// The table from surface to sites.
-pub struct Cells {
-    sides: Sides,
-    groups: Vec<Group>,
-    tilings: Vec<Tiling>,
-    /// Site + 1, [`UNFILLED`] or [`NO_SITE`].
-    table: Vec<AtomicU32>,
+/// What a cell says of the surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Said {
+    /// This site stands for it.
+    Site(SiteId),
+    /// Nothing reflects here.
+    Dead,
+    /// No site that is near is visible from here.
+    Nobody,
 }
 
 /// What a cell is filled from; the same as the table was laid out for.
@@ -96,27 +63,48 @@ pub struct Ground<'a> {
     pub graph: &'a Neighbours,
 }
 
+/// The table from surface to sites.
+pub struct Cells {
+    /// Per triangle its front, then per triangle its back; then the parts.
+    slots: Vec<Slot>,
+    triangles: u32,
+    /// Site + 1, [`UNFILLED`] or [`NO_SITE`].
+    table: Vec<AtomicU32>,
+}
+
 impl Cells {
-    /// Lays the cells out; none is filled yet. Memory: 4 bytes a cell, about 7 cells a site or one a triangle, doubled for
-    /// two-sided meshes.
-    pub fn new(scene: &Scene, sites: &Sites) -> Self {
-        let sides = Sides::new(scene);
-        let edge = CELL_SPACINGS * sites.spacing;
-        let plans: Vec<(usize, Vec<Tiling>)> = (0..scene.triangles.len().div_ceil(GROUP))
-            .into_par_iter()
-            .map(|group| plan(scene, &sides, edge, group))
-            .collect();
-        let (mut groups, mut tilings) = (Vec::with_capacity(plans.len()), vec![]);
-        let mut total = 0usize;
-        for (len, own) in plans {
-            let base = total as u32;
-            groups.push(Group { base, tilings: if own.is_empty() { PLAIN } else { tilings.len() as u32 } });
-            tilings.extend(own.into_iter().map(|t| Tiling { first: base + t.first, ..t }));
-            total += len;
+    /// Lays the cells out by how the surface was served; none is filled yet. Memory: 16 bytes a triangle and 4 bytes a
+    /// cell, about 8 cells a site or one a triangle.
+    pub fn new(surface: &Surface<'_>, plots: &[Plot]) -> Self {
+        let triangles = surface.scene().triangles.len();
+        let mut cells = Self { slots: vec![NOTHING; 2 * triangles], triangles: triangles as u32, table: vec![] };
+        let mut end = 0u64;
+        for plot in plots.iter().filter(|p| p.spacing > 0.0) {
+            for &id in surface.triangles(&plot.piece) {
+                let depth = depth(surface.scene(), id, plot);
+                let at = cells.place(id, plot.piece.back, plot.piece.path);
+                cells.slots[at] = Slot { first: end as u32, depth };
+                end += 1u64 << (2 * depth);
+            }
         }
-        assert!(total < NO_SITE as usize, "{total} surface cells do not fit 32 bits");
-        let table = (0..total).into_par_iter().map(|_| AtomicU32::new(UNFILLED)).collect();
-        Self { sides, groups, tilings, table }
+        assert!(end < u64::from(u32::MAX), "{end} surface cells do not fit 32 bits");
+        // Zeroed pages cost nothing until a ray touches them.
+        cells.table = bytemuck::allocation::zeroed_vec::<u32>(end as usize).into_iter().map(AtomicU32::new).collect();
+        cells
+    }
+
+    /// The slot of a part of a triangle, splitting on the way.
+    fn place(&mut self, id: u32, back: bool, path: u64) -> usize {
+        let mut at = id as usize + if back { self.triangles as usize } else { 0 };
+        let splits = (63 - path.leading_zeros()) / 2;
+        for k in (0..splits).rev() {
+            if self.slots[at].depth != SPLIT {
+                self.slots[at] = Slot { first: self.slots.len() as u32, depth: SPLIT };
+                self.slots.extend([NOTHING; 4]);
+            }
+            at = self.slots[at].first as usize + (path >> (2 * k) & 3) as usize;
+        }
+        at
     }
 
     /// Number of cells.
@@ -129,118 +117,72 @@ impl Cells {
         self.table.is_empty()
     }
 
-    /// The site that stands for the surface at a hit, seen from the front or the back. None when no site is near and
-    /// visible, and for the backs of one-sided meshes.
+    /// The site that stands for the surface at a hit, seen from the front or the back.
     ///
-    /// Two reads when the cell is filled; about 200 ns more at its first touch, and up to eight rays next to walls.
+    /// A few reads when the cell is filled; about 1 µs more at its first touch, and up to eight rays next to walls.
     #[inline]
-    pub fn site(&self, hit: &Hit, back: bool, ground: Ground<'_>) -> Option<SiteId> {
-        if back && !self.sides.two_sided(hit.triangle) {
-            return None;
+    pub fn site(&self, hit: &Hit, back: bool, ground: Ground<'_>) -> Said {
+        let mut slot = self.slots[hit.triangle as usize + if back { self.triangles as usize } else { 0 }];
+        let mut at = [hit.u, hit.v];
+        let mut path = 1u64;
+        while slot.depth == SPLIT {
+            let (part, within) = quarter(at);
+            slot = self.slots[slot.first as usize + part as usize];
+            (path, at) = (path << 2 | part, within);
         }
-        let (index, cell) = self.locate(hit.triangle, hit.u, hit.v, back);
-        match self.table[index].load(Ordering::Relaxed) {
-            UNFILLED => self.fill((hit.triangle, cell, back), index, ground),
-            NO_SITE => None,
-            stored => Some(SiteId(stored - 1)),
+        if slot.depth == DEAD {
+            return Said::Dead;
         }
-    }
-
-    /// Index in the table, and number of the cell within its triangle.
-    #[inline]
-    fn locate(&self, id: u32, u: f32, v: f32, back: bool) -> (usize, usize) {
-        let within = id as usize % GROUP;
-        let group = self.groups[id as usize / GROUP];
-        if group.tilings == PLAIN {
-            return (group.base as usize + within + usize::from(back) * GROUP, 0);
+        let mut cell = 0;
+        for _ in 0..slot.depth {
+            let (part, within) = quarter(at);
+            (cell, at) = (cell << 2 | part, within);
         }
-        let tiling = self.tilings[group.tilings as usize + within];
-        let cell = tiling.cell(u, v);
-        (tiling.first as usize + usize::from(back) * tiling.len() + cell, cell)
-    }
-
-    fn tiling(&self, id: u32) -> Tiling {
-        match self.groups[id as usize / GROUP].tilings {
-            PLAIN => Tiling { first: 0, columns: 1, rows: 1 },
-            first => self.tilings[first as usize + id as usize % GROUP],
-        }
-    }
-
-    /// The centre of a cell, on the side asked for.
-    fn centre(&self, scene: &Scene, (id, cell, back): (u32, usize, bool)) -> SurfacePoint {
-        let corners = scene.corners(id);
-        let (u, v) = self.tiling(id).centre(cell);
-        let front = triangle::normal(corners);
-        SurfacePoint { position: triangle::point(corners, u, v), normal: if back { -front } else { front } }
+        let index = slot.first as usize + cell as usize;
+        let stored = match self.table[index].load(Ordering::Relaxed) {
+            UNFILLED => self.fill(index, (hit.triangle, path << (2 * slot.depth) | cell, back), ground),
+            stored => stored,
+        };
+        if stored == NO_SITE { Said::Nobody } else { Said::Site(SiteId(stored - 1)) }
     }
 
     #[cold]
-    fn fill(&self, at: (u32, usize, bool), index: usize, ground: Ground<'_>) -> Option<SiteId> {
-        let site = ground.represent(self.centre(ground.scene, at));
-        self.table[index].store(site.map_or(NO_SITE, |s| s.0 + 1), Ordering::Relaxed);
-        site
+    fn fill(&self, index: usize, (id, path, back): (u32, u64, bool), ground: Ground<'_>) -> u32 {
+        let [u, v] = unfold(path, [1.0 / 3.0, 1.0 / 3.0]);
+        let centre = SurfacePoint {
+            position: triangle::point(ground.scene.corners(id), u, v),
+            normal: side_normal(ground.scene, id, back),
+        };
+        let stored = ground.represent(&centre).map_or(NO_SITE, |s| s.0 + 1);
+        self.table[index].store(stored, Ordering::Relaxed);
+        stored
     }
+}
 
-    /// Fills every cell, in parallel.
-    pub fn fill_all(&self, ground: Ground<'_>) {
-        (0..ground.scene.triangles.len() as u32).into_par_iter().with_min_len(GROUP).for_each(|id| {
-            let tiling = self.tiling(id);
-            for back in [false, true].into_iter().take(1 + usize::from(self.sides.two_sided(id))) {
-                for cell in 0..tiling.len() {
-                    let (u, v) = tiling.centre(cell);
-                    let (index, cell) = self.locate(id, u, v, back);
-                    if self.table[index].load(Ordering::Relaxed) == UNFILLED {
-                        self.fill((id, cell, back), index, ground);
-                    }
-                }
-            }
-        });
-    }
+/// How often a triangle, or the part of it that a plot is, is quartered into cells.
+fn depth(scene: &Scene, id: u32, plot: &Plot) -> u32 {
+    let [a, b, c] = scene.corners(id);
+    let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+    let splits = (63 - plot.piece.path.leading_zeros()) / 2;
+    let edge = longest * f32::powi(0.5, splits as i32);
+    let cells = edge / (CELL_SPACINGS * plot.spacing);
+    if cells <= 1.0 { 0 } else { (cells.log2().ceil() as u32).min(FINEST) }
 }
 
 impl Ground<'_> {
     /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean.
-    pub fn represent(&self, point: SurfacePoint) -> Option<SiteId> {
+    pub fn represent(&self, point: &SurfacePoint) -> Option<SiteId> {
         let site = self.sites.nearest(point)?;
         if self.graph.unclean(site) { self.nearest_visible(point) } else { Some(site) }
     }
 
-    fn nearest_visible(&self, point: SurfacePoint) -> Option<SiteId> {
+    fn nearest_visible(&self, point: &SurfacePoint) -> Option<SiteId> {
         let mut near: Vec<(f32, SiteId)> = vec![];
-        self.sites.visit_near(point.position, 2.0 * self.sites.spacing, |site| {
-            let d2 = self.sites.positions[site.index()].distance_squared(point.position);
-            near.extend(grid::mismatch(self.sites, point, site, d2).map(|value| (value, site)));
+        self.sites.visit_near(point.position, |site| {
+            near.extend(self.sites.mismatch(point, site.0).map(|value| (value, site)));
         });
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(TRIES);
-        near.into_iter().map(|n| n.1).find(|&site| mutually_visible(point, self.sites.point(site), self.bvh))
+        near.into_iter().map(|n| n.1).find(|&site| mutually_visible(*point, self.sites.point(site), self.bvh))
     }
-}
-
-/// The number of cells of a group, and its tilings relative to its first cell (none when all triangles have one cell).
-fn plan(scene: &Scene, sides: &Sides, edge: f32, group: usize) -> (usize, Vec<Tiling>) {
-    let ids = (group * GROUP) as u32..((group + 1) * GROUP).min(scene.triangles.len()) as u32;
-    let mut end = 0usize;
-    let mut any_two_sided = false;
-    let tilings: Vec<Tiling> = ids
-        .map(|id| {
-            let tiling = Tiling { first: end as u32, ..tile(scene, id, edge) };
-            let two_sided = sides.two_sided(id);
-            any_two_sided |= two_sided;
-            end += tiling.len() * (1 + usize::from(two_sided));
-            tiling
-        })
-        .collect();
-    if tilings.iter().all(|t| t.len() == 1) {
-        return (GROUP * (1 + usize::from(any_two_sided)), vec![]);
-    }
-    (end, tilings)
-}
-
-/// Rows and columns so that no cell is longer than `edge`: the map halves the third edge.
-fn tile(scene: &Scene, id: u32, edge: f32) -> Tiling {
-    let [a, b, c] = scene.corners(id);
-    let third = 0.5 * b.distance(c);
-    let steps = |length: f32| ((length.max(third) / edge).ceil() as u16).max(1);
-    Tiling { first: 0, columns: steps(a.distance(b)), rows: steps(a.distance(c)) }
 }

@@ -19,7 +19,7 @@ pub const LINK_LIFT: f32 = 0.03;
 /// Sites a task links: enough to hide the cost of a task, few enough to balance.
 const TASK_SITES: usize = 1024;
 
-/// Site indices, the lower first.
+/// Site indices.
 type Pairs = Vec<[u32; 2]>;
 
 /// The graph of sites that are near and see each other, in compressed rows.
@@ -111,25 +111,27 @@ impl Neighbours {
     }
 }
 
-/// The sites after `site` that are near enough and turned alike, ascending.
+/// The sites that are near enough and turned alike, ascending; of a pair that would find each other, only the later.
 fn later_pairs(sites: &Sites, site: u32, near: &mut Vec<u32>) {
     let point = sites.point(SiteId(site));
-    let radius = LINK_SPACINGS * sites.spacing;
+    let own = LINK_SPACINGS * sites.spacings[site as usize];
     near.clear();
-    sites.visit_near(point.position, radius, |other| {
-        if other.0 > site {
-            let there = sites.point(other);
-            if there.position.distance_squared(point.position) < radius * radius
-                && there.normal.dot(point.normal) > LINK_COSINE
-            {
-                near.push(other.0);
-            }
+    sites.visit_near(point.position, |other| {
+        let there = sites.point(other);
+        let square = there.position.distance_squared(point.position);
+        let reach = LINK_SPACINGS * sites.spacings[other.index()];
+        let mutual = square < own * own;
+        if square < reach * reach
+            && (other.0 > site || (other.0 != site && !mutual))
+            && there.normal.dot(point.normal) > LINK_COSINE
+        {
+            near.push(other.0);
         }
     });
     near.sort_unstable();
 }
 
-/// Compressed rows of a symmetric graph from its edges (lower, higher) in ascending order; rows come out sorted.
+/// Compressed rows of a symmetric graph from its edges, each given once; rows come out sorted.
 fn rows<I: Iterator<Item = [u32; 2]>>(count: usize, edges: impl Fn() -> I) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; count + 1];
     for end in edges().flatten() {
@@ -146,6 +148,9 @@ fn rows<I: Iterator<Item = [u32; 2]>>(count: usize, edges: impl Fn() -> I) -> (V
             targets[*at as usize] = target;
             *at += 1;
         }
+    }
+    for row in starts.windows(2) {
+        targets[row[0] as usize..row[1] as usize].sort_unstable();
     }
     (starts, targets)
 }

@@ -89,8 +89,7 @@ impl Field<'_> {
     /// The point's own row, against the solved radiosities.
     fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
         let problem = &self.problem;
-        let mut row = Rows::new(self.params.rays);
-        row.extend_serial(problem.around, point, key(point));
+        let row = Rows::single(problem.around, point, key(point), self.params.rays);
         if row.summaries[0].is_dead(self.params.rays) {
             return Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
         }

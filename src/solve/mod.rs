@@ -157,7 +157,7 @@ impl Problem<'_> {
         (0..self.receivers.len())
             .into_par_iter()
             .map(|r| {
-                let site = self.receivers.sites[r].0 as usize;
+                let site = self.receivers.homes[r].index();
                 let others: Vec<u32> =
                     self.spread.receivers_of(site).iter().copied().filter(|&o| o as usize != r).collect();
                 let at = self.receivers.index.supports()[r].point;

@@ -7,6 +7,28 @@ use gltf::{Accessor, Document, Primitive, Semantic};
 
 use crate::error::{Error, Result};
 
+/// Checks the lengths in a GLB's header and first chunk; other files pass.
+///
+/// # Errors
+/// The problem as text.
+pub fn check_container(bytes: &[u8]) -> Result<(), String> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok(());
+    }
+    let word = |at: usize| {
+        let four = bytes.get(at..at + 4).map(|b| u64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+        four.ok_or_else(|| format!("truncated: {} bytes are no GLB", bytes.len()))
+    };
+    let (length, chunk) = (word(8)?, word(12)?);
+    if length < 20 || length > bytes.len() as u64 || chunk > length - 20 {
+        let found = bytes.len();
+        return Err(format!(
+            "truncated: {length} bytes, {chunk} of them JSON, are promised, the file has {found}"
+        ));
+    }
+    Ok(())
+}
+
 /// Checks that every buffer can be found: files exist, no network, no odd escapes.
 ///
 /// # Errors

@@ -24,11 +24,11 @@ use surfaces::Surfaces;
 /// [`Error::Input`] naming buffer, accessor, mesh or material for anything invalid; [`Error::Io`].
 pub fn read(path: &Path) -> Result<Contents> {
     let bytes = std::fs::read(path).map_err(|e| Error::io(path, "reading the mesh", e))?;
-    let gltf = gltf::Gltf::from_slice(&bytes).map_err(|error| refuse(path, "glTF", error.to_string()))?;
+    let (document, blob) = parsed(path, &bytes)?;
     drop(bytes);
-    bounds::check_references(path, &gltf.document)?;
+    bounds::check_references(path, &document)?;
     let base = path.parent().unwrap_or(Path::new(""));
-    let buffers = gltf::import_buffers(&gltf.document, Some(base), gltf.blob)
+    let buffers = gltf::import_buffers(&document, Some(base), blob)
         .map_err(|error| refuse(path, "buffers", error.to_string()))?;
     let mut reader = Reader {
         path,
@@ -37,8 +37,27 @@ pub fn read(path: &Path) -> Result<Contents> {
         contents: Contents::default(),
         left_out: Vec::new(),
     };
-    reader.scene(&gltf.document)?;
+    reader.scene(&document)?;
     reader.finish()
+}
+
+/// The validated document and the binary chunk.
+fn parsed(path: &Path, bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>)> {
+    let broken = |error: gltf::Error| refuse(path, "glTF", error.to_string().trim().replace('\n', " "));
+    bounds::check_container(bytes).map_err(|problem| refuse(path, "GLB header", problem))?;
+    let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(broken)?;
+    let json = gltf.document.into_json();
+    // The validator looks positions up before it has validated their index.
+    for (number, mesh) in json.meshes.iter().enumerate() {
+        for index in mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values()) {
+            if index.value() >= json.accessors.len() {
+                let problem =
+                    format!("accessor {} does not exist, there are {}", index.value(), json.accessors.len());
+                return Err(refuse(path, format!("mesh {number}"), problem));
+            }
+        }
+    }
+    Ok((Document::from_json(json).map_err(broken)?, gltf.blob))
 }
 
 fn refuse(path: &Path, place: impl Into<String>, problem: impl Into<String>) -> Error {

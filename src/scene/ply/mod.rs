@@ -39,6 +39,9 @@ pub fn read(path: &Path) -> Result<Contents> {
             tables.overlong.times, tables.overlong.first
         ));
     }
+    if tables.has_more {
+        warn("lines follow after the last row that the header promises; they were ignored".to_string());
+    }
     let short = tables.faces.short;
     if short.times > 0 {
         warn(format!("{} faces with fewer than 3 corners skipped (first: row {})", short.times, short.first));

@@ -24,6 +24,8 @@ pub struct Tables {
     pub faces: Faces,
     /// Lines with more numbers than the header declares.
     pub overlong: Count,
+    /// Whether lines follow after the last row.
+    pub has_more: bool,
     /// Whether the faces' colours were floats.
     pub float_face_colours: bool,
 }
@@ -70,6 +72,7 @@ pub fn read(path: &Path, mut file: File, file_bytes: u64, header: &Header) -> Re
             coloured(Part::Faces).is_some() && coloured(Part::Vertices).is_none(),
         ),
         overlong: Count::default(),
+        has_more: false,
         float_face_colours: coloured(Part::Faces).is_some_and(super::scalar::Scalar::is_float),
     };
     file.seek(SeekFrom::Start(header.body_offset)).map_err(|e| Error::io(path, "seeking to the body", e))?;
@@ -122,6 +125,7 @@ fn read_text<'a>(
         }
     }
     tables.overlong = body.overlong;
+    tables.has_more = body.has_more()?;
     Ok(())
 }
 

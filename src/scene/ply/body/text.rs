@@ -68,6 +68,22 @@ impl<R: BufRead> Body<'_, R> {
         (0..element.count).try_for_each(|number| self.next_line(&mut bytes, element, number).map(|_| ()))
     }
 
+    /// Whether anything but blanks follows.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub fn has_more(&mut self) -> Result<bool> {
+        let mut bytes = Vec::new();
+        while bytes.trim_ascii().is_empty() {
+            bytes.clear();
+            let read = self.source.read_until(self.line_end, &mut bytes);
+            if read.map_err(|e| Error::io(self.path, format!("reading line {}", self.line), e))? == 0 {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// The next line that is not blank.
     fn next_line<'b>(&mut self, bytes: &'b mut Vec<u8>, element: &Element, number: u64) -> Result<&'b str> {
         loop {

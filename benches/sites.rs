@@ -1,2 +1,0 @@
-//! Rates of the sites stage.
-fn main() {}

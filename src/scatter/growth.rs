@@ -1,0 +1,80 @@
+//! Levels of candidates: each level halves the spacing and keeps only the pieces that want more.
+//!
+//! This work is based on: Lehtinen et al., "A Meshless Hierarchical Representation for Light Transport", SIGGRAPH 2008
+//! (nested Poisson-disk levels); we place the levels coarse to fine and only where they are wanted.
+
+use rayon::prelude::*;
+
+use super::Candidate;
+use super::surface::{Piece, Surface};
+use crate::geometry::hash;
+
+/// Pieces are split until they are no larger than this many squared spacings: a few dozen candidates each.
+const PIECE_SPACINGS: f32 = 16.0;
+
+/// One level after another over the surface.
+pub struct Growth<'a> {
+    surface: &'a Surface<'a>,
+    /// The level, root = 0.
+    pub level: u32,
+    /// Its spacing, local units.
+    pub spacing: f32,
+    /// The pieces of surface that still want points.
+    pub active: Vec<Piece>,
+    seed: u64,
+}
+
+impl<'a> Growth<'a> {
+    /// The first level: all of the surface, at the given spacing.
+    pub fn new(surface: &'a Surface<'a>, spacing: f32, seed: u64) -> Self {
+        let mut growth = Self { surface, level: 0, spacing, active: surface.whole(), seed };
+        growth.split();
+        growth
+    }
+
+    /// Stratified candidates on the active pieces, `density` a squared spacing and at least one a piece, piece by piece.
+    pub fn candidates(&self, density: f32) -> Vec<Candidate> {
+        let seed = hash::mix2(self.seed, u64::from(self.level));
+        let scale = density / (self.spacing * self.spacing);
+        self.active
+            .par_iter()
+            .enumerate()
+            .with_min_len(16)
+            .flat_map_iter(|(number, piece)| {
+                let count = ((piece.area * scale).ceil() as u32).max(1);
+                (0..count)
+                    .map(move |i| self.surface.candidate((number as u32, piece), (i, count), seed))
+            })
+            .collect()
+    }
+
+    /// Goes to the next level with the pieces for which `keep` is set; the others are done.
+    pub fn descend(&mut self, keep: &[bool]) {
+        let kept = self.active.iter().zip(keep).filter(|(_, k)| **k).map(|(p, _)| *p).collect();
+        self.active = kept;
+        self.level += 1;
+        self.spacing *= 0.5;
+        self.split();
+    }
+
+    fn split(&mut self) {
+        let limit = PIECE_SPACINGS * self.spacing * self.spacing;
+        let surface = self.surface;
+        self.active = std::mem::take(&mut self.active)
+            .into_par_iter()
+            .flat_map_iter(|piece| {
+                let mut done = Vec::new();
+                let mut open = vec![piece];
+                while let Some(piece) = open.pop() {
+                    let parts = if piece.area > limit { surface.split(&piece) } else { Default::default() };
+                    if parts.len() < 2 {
+                        done.push(piece);
+                    } else {
+                        open.extend(parts.into_iter().rev());
+                    }
+                }
+                done
+            })
+            .collect();
+    }
+}

@@ -1,0 +1,27 @@
+//! Points on surfaces, coarse to fine, dense only where somebody asks for more.
+//!
+//! A [`Growth`](growth::Growth) visits the surface level by level; each level halves the spacing and keeps only the
+//! pieces of surface that still want points, so that the work follows the points placed and not the area or the
+//! number of triangles.
+
+pub mod growth;
+pub mod octaves;
+pub mod surface;
+pub mod thin;
+
+use crate::geometry::SurfacePoint;
+
+/// A point of the surface that may become a site or a receiver.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Candidate {
+    /// Position and normal of its side.
+    pub point: SurfacePoint,
+    /// The triangle it lies on.
+    pub triangle: u32,
+    /// Barycentric (u, v) there.
+    pub barycentric: [f32; 2],
+    /// Whether on the back.
+    pub back: bool,
+    /// The active piece it was drawn from.
+    pub piece: u32,
+}

@@ -1,0 +1,192 @@
+//! The surface as pieces: runs of neighbouring triangles, then single triangles, then parts of triangles.
+
+use glam::Vec3;
+use smallvec::SmallVec;
+
+use super::Candidate;
+use crate::geometry::{SurfacePoint, hash, triangle};
+use crate::scene::Scene;
+
+/// The triangles that can carry points, in a spatially coherent order, with running areas.
+pub struct Surface<'a> {
+    scene: &'a Scene,
+    /// Fronts, then backs of two-sided meshes.
+    sides: [Side; 2],
+}
+
+#[derive(Default)]
+struct Side {
+    order: Vec<u32>,
+    /// One more than `order`: area before each triangle.
+    before: Vec<f64>,
+}
+
+/// A piece of surface: triangles `first..last` of a side's order, or a quarter of a quarter … of one triangle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Piece {
+    /// First triangle in the side's order.
+    pub first: u32,
+    /// One past the last.
+    pub last: u32,
+    /// Which part of the single triangle: a leading one, then two bits a split (0, 1, 2: at that corner; 3: middle).
+    pub path: u64,
+    /// Whether on the back.
+    pub back: bool,
+    /// Area, squared local units.
+    pub area: f32,
+}
+
+/// Splits of one triangle stop here: the path's bits are used up.
+const DEEPEST: u64 = 1 << 60;
+
+impl<'a> Surface<'a> {
+    /// The surface of a scene, its triangles in the given order; those without area are left out.
+    pub fn new(scene: &'a Scene, order: impl Iterator<Item = u32>) -> Self {
+        let mut sides: [Side; 2] = Default::default();
+        for id in order {
+            let area = f64::from(triangle::area(scene.corners(id)));
+            if area <= 0.0 {
+                continue;
+            }
+            let count = 1 + usize::from(scene.meshes[scene.mesh_of(id)].two_sided);
+            for side in &mut sides[..count] {
+                let end = side.before.last().copied().unwrap_or(0.0);
+                if side.before.is_empty() {
+                    side.before.push(0.0);
+                }
+                side.order.push(id);
+                side.before.push(end + area);
+            }
+        }
+        Self { scene, sides }
+    }
+
+    /// The scene it belongs to.
+    pub fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// Area of all sides that can carry points, squared local units.
+    pub fn area(&self) -> f64 {
+        self.sides.iter().filter_map(|s| s.before.last()).sum()
+    }
+
+    /// One piece a side.
+    pub fn whole(&self) -> Vec<Piece> {
+        let piece = |(back, side): (bool, &Side)| {
+            let last = side.order.len() as u32;
+            (last > 0).then(|| Piece { first: 0, last, path: 1, back, area: side.before[last as usize] as f32 })
+        };
+        [false, true].into_iter().zip(&self.sides).filter_map(piece).collect()
+    }
+
+    /// The triangles of a piece.
+    pub fn triangles(&self, piece: &Piece) -> &[u32] {
+        &self.sides[usize::from(piece.back)].order[piece.first as usize..piece.last as usize]
+    }
+
+    /// Halves a run of triangles by area, or quarters a triangle. A triangle at the limit of splitting stays whole.
+    pub fn split(&self, piece: &Piece) -> SmallVec<[Piece; 4]> {
+        if piece.last - piece.first > 1 {
+            let before = &self.sides[usize::from(piece.back)].before;
+            let (start, end) = (before[piece.first as usize], before[piece.last as usize]);
+            let middle = before.partition_point(|&b| b < 0.5 * (start + end)) as u32;
+            let middle = middle.clamp(piece.first + 1, piece.last - 1);
+            let part = |first: u32, last: u32| {
+                let area = (before[last as usize] - before[first as usize]) as f32;
+                Piece { first, last, area, ..*piece }
+            };
+            return SmallVec::from_iter([part(piece.first, middle), part(middle, piece.last)]);
+        }
+        if piece.path >= DEEPEST {
+            return SmallVec::from_iter([*piece]);
+        }
+        let part = |quarter| Piece { path: piece.path << 2 | quarter, area: 0.25 * piece.area, ..*piece };
+        (0..4).map(part).collect()
+    }
+
+    /// Point `i` of `count` stratified ones on a piece, random by `seed`.
+    pub fn candidate(&self, (number, piece): (u32, &Piece), (i, count): (u32, u32), seed: u64) -> Candidate {
+        let side = &self.sides[usize::from(piece.back)];
+        let key = hash::mix2(seed ^ u64::from(piece.first) << 32 ^ u64::from(piece.back), piece.path);
+        let [x, y] = hash::unit_pair(key, u64::from(i));
+        let along = f64::from((i as f32 + x) / count as f32);
+        let (start, end) = (side.before[piece.first as usize], side.before[piece.last as usize]);
+        let (k, within) = if piece.last - piece.first == 1 {
+            (piece.first as usize, along)
+        } else {
+            let want = start + along * (end - start);
+            let k = side.before.partition_point(|&b| b <= want).clamp(1, side.order.len()) - 1;
+            (k, (want - side.before[k]) / (side.before[k + 1] - side.before[k]))
+        };
+        let (u, v) = triangle::uniform_barycentric([within.clamp(0.0, 0.999_999) as f32, y]);
+        let [u, v] = unfold(piece.path, [u, v]);
+        let id = side.order[k];
+        let corners = self.scene.corners(id);
+        let front = triangle::normal(corners);
+        let point = SurfacePoint {
+            position: triangle::point(corners, u, v),
+            normal: if piece.back { -front } else { front },
+        };
+        Candidate { point, triangle: id, barycentric: [u, v], back: piece.back, piece: number }
+    }
+}
+
+/// Barycentric (u, v) of the whole triangle from those within the part that `path` names.
+pub fn unfold(path: u64, [mut u, mut v]: [f32; 2]) -> [f32; 2] {
+    let mut rest = path;
+    while rest > 1 {
+        (u, v) = match rest & 3 {
+            0 => (0.5 * u, 0.5 * v),
+            1 => (0.5 + 0.5 * u, 0.5 * v),
+            2 => (0.5 * u, 0.5 + 0.5 * v),
+            // The middle part is turned around: its corners are the midpoints opposite the triangle's.
+            _ => (0.5 - 0.5 * u, 0.5 - 0.5 * v),
+        };
+        rest >>= 2;
+    }
+    [u, v]
+}
+
+/// The quarter that holds barycentric (u, v), and the coordinates within it: one step of [`unfold`] back.
+#[inline]
+pub fn quarter([u, v]: [f32; 2]) -> (u64, [f32; 2]) {
+    if u > 0.5 {
+        (1, [2.0 * u - 1.0, 2.0 * v])
+    } else if v > 0.5 {
+        (2, [2.0 * u, 2.0 * v - 1.0])
+    } else if u + v < 0.5 {
+        (0, [2.0 * u, 2.0 * v])
+    } else {
+        (3, [1.0 - 2.0 * u, 1.0 - 2.0 * v])
+    }
+}
+
+/// A triangle's normal as the scene has it, on the side asked for.
+pub fn side_normal(scene: &Scene, id: u32, back: bool) -> Vec3 {
+    let front = scene.normal(id);
+    if back { -front } else { front }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quarters_and_paths_are_inverses() {
+        for i in 0..1000u64 {
+            let (u, v) = triangle::uniform_barycentric(hash::unit_pair(4, i));
+            let mut at = [u, v];
+            let mut parts = Vec::new();
+            for _ in 0..6 {
+                let (part, within) = quarter(at);
+                parts.push(part);
+                at = within;
+            }
+            let path = parts.iter().fold(1, |path, part| path << 2 | part);
+            let [x, y] = unfold(path, at);
+            // Six doublings amplify the rounding of 6e-8 by 64, the way back divides again.
+            assert!((x - u).abs() < 1e-6 && (y - v).abs() < 1e-6, "{u} {v} became {x} {y}");
+        }
+    }
+}

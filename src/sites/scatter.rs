@@ -1,0 +1,138 @@
+//! Growing sites by a spacing field: nested Poisson-disk levels, each only where it is wanted.
+
+use rayon::prelude::*;
+
+use super::{Plot, SiteArrays, SiteId, SiteParams, Sites};
+use crate::geometry::{SurfacePoint, morton};
+use crate::scatter::Candidate;
+use crate::scatter::growth::Growth;
+use crate::scatter::surface::Surface;
+use crate::scatter::thin::Darts;
+
+/// Levels never go further than this: 2^-20 of the first spacing.
+const DEEPEST: u32 = 20;
+
+/// Points of a piece that decide which sites its area goes to.
+const AREA_POINTS: u32 = 8;
+
+/// A candidate that became a site.
+struct Kept {
+    candidate: Candidate,
+    level: u8,
+    spacing: f32,
+}
+
+impl Sites {
+    /// Grows sites over the surface. `wanted` gives the spacing wanted around a point, or None where nothing reflects;
+    /// it is met within a factor √2. Also says how each piece of surface was served.
+    ///
+    /// The result depends on the surface, the field and the parameters alone. Cost: about 1 µs a site and level.
+    pub fn scatter(
+        surface: &Surface<'_>,
+        params: &SiteParams,
+        wanted: impl Fn(&SurfacePoint) -> Option<f32> + Sync,
+    ) -> (Self, Vec<Plot>) {
+        let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
+        let mut growth = Growth::new(surface, first, params.seed);
+        let mut kept: Vec<Kept> = Vec::new();
+        let mut plots = Vec::new();
+        while !growth.active.is_empty() {
+            let candidates = growth.candidates(params.density);
+            let wants = wants(&growth, &candidates, &wanted);
+            throw(&growth, &candidates, &wants, &mut kept);
+            let finer = |w: &Option<f32>| {
+                growth.level < DEEPEST && w.is_some_and(|w| w * std::f32::consts::SQRT_2 < growth.spacing)
+            };
+            let keep: Vec<bool> = wants.iter().map(finer).collect();
+            for (k, piece) in growth.active.iter().enumerate().filter(|(k, _)| !keep[*k]) {
+                plots.push(Plot { piece: *piece, spacing: wants[k].map_or(0.0, |_| growth.spacing) });
+            }
+            growth.descend(&keep);
+        }
+        let spacings: Vec<f32> = kept
+            .par_iter()
+            .map(|k| wanted(&k.candidate.point).map_or(k.spacing, |w| level_spacing(first, w).min(k.spacing)))
+            .collect();
+        let mut sites = Self::from_arrays(in_order(&kept, &spacings));
+        sites.areas = areas(&sites, surface, &plots, params.seed);
+        (sites, plots)
+    }
+}
+
+/// The spacing of the level that serves a wanted one.
+fn level_spacing(first: f32, wanted: f32) -> f32 {
+    let mut spacing = first;
+    while wanted * std::f32::consts::SQRT_2 < spacing && spacing > first * f32::powi(0.5, DEEPEST as i32) {
+        spacing *= 0.5;
+    }
+    spacing
+}
+
+/// Per active piece the spacing wanted at its first candidate.
+fn wants(
+    growth: &Growth<'_>,
+    candidates: &[Candidate],
+    wanted: &(impl Fn(&SurfacePoint) -> Option<f32> + Sync),
+) -> Vec<Option<f32>> {
+    (0..growth.active.len())
+        .into_par_iter()
+        .with_min_len(64)
+        .map(|piece| {
+            let first = candidates.partition_point(|c| (c.piece as usize) < piece);
+            candidates.get(first).and_then(|c| wanted(&c.point))
+        })
+        .collect()
+}
+
+fn throw(growth: &Growth<'_>, candidates: &[Candidate], wants: &[Option<f32>], kept: &mut Vec<Kept>) {
+    let mut darts = Darts::new(growth.spacing, 2 * kept.len());
+    kept.iter().for_each(|k| darts.keep(k.candidate.point));
+    for candidate in candidates.iter().filter(|c| wants[c.piece as usize].is_some()) {
+        if !darts.conflicts(&candidate.point) {
+            darts.keep(candidate.point);
+            kept.push(Kept { candidate: *candidate, level: growth.level as u8, spacing: growth.spacing });
+        }
+    }
+}
+
+/// The arrays in Morton order, fronts before backs.
+fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
+    let smallest = spacings.iter().copied().fold(f32::INFINITY, f32::min).max(1e-6);
+    let corner = kept.iter().map(|k| k.candidate.point.position).fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
+    let mut order: Vec<(bool, u64, u32)> = kept
+        .iter()
+        .enumerate()
+        .map(|(i, k)| (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32))
+        .collect();
+    order.par_sort_unstable();
+    let mut arrays = SiteArrays::default();
+    for (_, _, i) in order {
+        let Kept { candidate, level, .. } = &kept[i as usize];
+        arrays.positions.push(candidate.point.position);
+        arrays.normals.push(candidate.point.normal);
+        arrays.triangles.push(candidate.triangle);
+        arrays.barycentrics.push(candidate.barycentric);
+        arrays.levels.push(*level);
+        arrays.spacings.push(spacings[i as usize]);
+    }
+    arrays
+}
+
+/// Every piece's area goes to the sites nearest to a few of its points.
+fn areas(sites: &Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> Vec<f32> {
+    let shares: Vec<(f32, Vec<SiteId>)> = plots
+        .par_iter()
+        .filter(|plot| plot.spacing > 0.0)
+        .map(|plot| {
+            let point = |i| surface.candidate((0, &plot.piece), (i, AREA_POINTS), seed ^ 0xa2ea).point;
+            (plot.piece.area, (0..AREA_POINTS).filter_map(|i| sites.nearest(&point(i))).collect())
+        })
+        .collect();
+    let mut sums = vec![0.0f64; sites.len()];
+    for (area, served) in &shares {
+        for site in served {
+            sums[site.index()] += f64::from(*area) / served.len() as f64;
+        }
+    }
+    sums.into_iter().map(|a| a as f32).collect()
+}
