@@ -178,8 +178,10 @@ fn endless(place: &Place, points: &str) -> std::process::Child {
     let mut child = place.command(&words).stderr(Stdio::piped()).spawn().unwrap();
     let mut told = BufReader::new(child.stderr.take().unwrap());
     let mut line = String::new();
-    told.read_line(&mut line).unwrap();
-    assert!(line.starts_with("reference"), "{line}");
+    while !line.starts_with("reference") {
+        line.clear();
+        assert!(told.read_line(&mut line).unwrap() > 0, "the program never began to trace");
+    }
     // Someone must read on, or the program's own messages would fill the pipe.
     std::thread::spawn(move || std::io::copy(&mut told, &mut std::io::sink()));
     child
