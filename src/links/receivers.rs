@@ -136,7 +136,8 @@ impl Placement {
         }
         let points: Vec<SurfacePoint> = chosen.iter().map(|c| c.point).collect();
         let first = (self.places.len() + self.dead.supports().len()) as u64;
-        let keys: Vec<u64> = (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
+        let keys: Vec<u64> =
+            (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
         let mut fresh = RawRows::new(params.rows.rays);
         fresh.extend((surface.scene(), bvh), &points, &keys);
         self.rays += fresh.hits.len() as u64;
@@ -190,7 +191,12 @@ fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>
         *sum += f64::from(share.unwrap_or(0.5));
         *count += 1;
     }
-    growth.active.iter().zip(&sums).map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1))).collect()
+    growth
+        .active
+        .iter()
+        .zip(&sums)
+        .map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1)))
+        .collect()
 }
 
 /// The receivers with their rows of sites.

@@ -52,7 +52,8 @@ impl Octaves {
             // The point's cell and its neighbours towards the nearer corner.
             let corner = cell(at - Vec3::splat(0.5 * edge), *edge);
             for offset in 0..8 {
-                let near = [corner[0] + (offset & 1), corner[1] + (offset >> 1 & 1), corner[2] + (offset >> 2)];
+                let near =
+                    [corner[0] + (offset & 1), corner[1] + (offset >> 1 & 1), corner[2] + (offset >> 2)];
                 if let Some(ids) = grid.get(&key(near)) {
                     ids.iter().for_each(|&id| visit(id));
                 }

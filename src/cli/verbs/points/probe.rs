@@ -41,8 +41,8 @@ pub fn run(request: &Probe, console: &Console) -> Result<()> {
             "{afloat} points lie farther than a hundredth of the scene from any surface: their radiosity is 0"
         ));
     }
-    let [ir, ig, ib] = Column::rgb("irradiance", irradiance);
-    let [br, bg, bb] = Column::rgb("radiosity", radiosity);
+    let [ir, ig, ib] = Column::rgb("irradiance", &irradiance);
+    let [br, bg, bb] = Column::rgb("radiosity", &radiosity);
     let columns = [ir, ig, ib, br, bg, bb, Column::new("error", error)];
     destination.table(&table, &columns)?;
     destination.report("probe", &Written::points(&destination, points.len() as u64, &meter), console)

@@ -7,6 +7,7 @@ use crate::bake::{Meter, Monitor, Stage};
 use crate::cli::arguments::Reference;
 use crate::cli::console::Console;
 use crate::error::Result;
+use crate::light::Rgb;
 use crate::output::points::{Column, PointTable};
 use crate::rays::Bvh;
 use crate::reference::{self, ReferenceParams};
@@ -36,8 +37,9 @@ pub fn run(request: &Reference, console: &Console) -> Result<()> {
         console.leave_if_interrupted();
     });
     stage.finish();
-    let [r, g, b] = Column::rgb("irradiance", estimates.iter().map(|e| e.mean));
-    let [er, eg, eb] = Column::rgb("stderr", estimates.iter().map(|e| e.standard_error));
+    let (means, errors): (Vec<Rgb>, Vec<Rgb>) = estimates.iter().map(|e| (e.mean, e.standard_error)).unzip();
+    let [r, g, b] = Column::rgb("irradiance", &means);
+    let [er, eg, eb] = Column::rgb("stderr", &errors);
     destination.table(&table, &[r, g, b, er, eg, eb])?;
     destination.report("reference", &Written::points(&destination, points.len() as u64, &meter), console)
 }
