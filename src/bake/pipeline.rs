@@ -6,11 +6,11 @@ use super::progress::{Monitor, Stage};
 use super::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use crate::error::Result;
-use crate::geometry::SurfacePoint;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
 use crate::links::receivers::{Placement, Receivers, Spread};
+use crate::geometry::SurfacePoint;
 use crate::rays::Bvh;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
@@ -51,7 +51,9 @@ pub fn build(
     report.stages.push(stage.finish());
 
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let spacing = |at: &SurfacePoint| placement.radius_at(at).map(|r| r * plan.site_spacing);
+    // Light from lamps and albedo vary even where nothing is near: never coarser than this.
+    let widest = placement.smallest_radius * plan.widest_spacing;
+    let spacing = |at: &SurfacePoint| placement.radius_at(at).map(|r| (r * plan.site_spacing).min(widest));
     let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);
     let (graph, linked) = Neighbours::link(&sites, &bvh);
     let cells = Cells::new(&surface, &plots);

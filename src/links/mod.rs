@@ -53,7 +53,7 @@ impl<'a> Surroundings<'a> {
 
     /// The site that speaks for a surface point: a short ray finds the triangle under it, the cells know the rest.
     pub fn site_under(&self, point: &SurfacePoint) -> Option<SiteId> {
-        let lift = 32.0 * crate::geometry::LIFT;
+        let lift = crate::geometry::GIVEN_TOLERANCE;
         let ray = Ray {
             origin: point.position + point.normal * lift,
             direction: -point.normal,

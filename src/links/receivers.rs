@@ -12,6 +12,7 @@ use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
 use crate::scatter::growth::Growth;
+use crate::scatter::octaves::Octaves;
 use crate::scatter::surface::Surface;
 use crate::scatter::thin::Darts;
 use crate::sites::SiteId;
@@ -135,15 +136,15 @@ impl Placement {
             }
         }
         let points: Vec<SurfacePoint> = chosen.iter().map(|c| c.point).collect();
+        let clear = clearances(growth.spacing, candidates, &points);
         let first = (self.places.len() + self.dead.supports().len()) as u64;
-        let keys: Vec<u64> =
-            (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
+        let keys: Vec<u64> = (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
         let mut fresh = RawRows::new(params.rows.rays);
         fresh.extend((surface.scene(), bvh), &points, &keys);
         self.rays += fresh.hits.len() as u64;
         for (k, candidate) in chosen.into_iter().enumerate() {
             let wanted = params.factor * fresh.summaries[k].harmonic_distance();
-            let radius = wanted.min(params.largest_radius).max(self.smallest_radius).max(1e-6);
+            let radius = wanted.min(params.largest_radius).min(CLEARANCE_SHARE * clear[k]).max(self.smallest_radius).max(1e-6);
             let support = Support { point: points[k], radius };
             if fresh.summaries[k].is_dead(params.rows.rays) {
                 self.dead.push(support);
@@ -182,6 +183,39 @@ impl Placement {
     }
 }
 
+/// Validity radius over the distance to the nearest surface in front: rays miss small things far away, candidates do not.
+const CLEARANCE_SHARE: f32 = 0.5;
+
+/// Surfaces count as in front when seen under this sine of elevation; bumps of the own surface do not.
+const CLEARANCE_ELEVATION: f32 = 0.25;
+
+/// How far surfaces are looked for, in spacings of the level.
+const CLEARANCE_SPACINGS: f32 = 3.0;
+
+/// Per point the distance to the nearest candidate in front of it, at most [`CLEARANCE_SPACINGS`].
+fn clearances(spacing: f32, candidates: &[Candidate], points: &[SurfacePoint]) -> Vec<f32> {
+    let reach = CLEARANCE_SPACINGS * spacing;
+    let mut near = Octaves::default();
+    for (k, candidate) in candidates.iter().enumerate() {
+        near.push(k as u32, candidate.point.position, reach);
+    }
+    points
+        .par_iter()
+        .with_min_len(16)
+        .map(|point| {
+            let mut square = reach * reach;
+            near.for_each(point.position, |k| {
+                let d = candidates[k as usize].point.position - point.position;
+                let length = d.length_squared();
+                if length < square && d.dot(point.normal) > CLEARANCE_ELEVATION * length.sqrt() {
+                    square = length;
+                }
+            });
+            square.sqrt()
+        })
+        .collect()
+}
+
 /// Per active piece the area that exchanges light: its area times the share of rays that meet surfaces there.
 fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>]) -> Vec<f64> {
     let mut sums = vec![(0.0f64, 0u32); growth.active.len()];
@@ -191,12 +225,7 @@ fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>
         *sum += f64::from(share.unwrap_or(0.5));
         *count += 1;
     }
-    growth
-        .active
-        .iter()
-        .zip(&sums)
-        .map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1)))
-        .collect()
+    growth.active.iter().zip(&sums).map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1))).collect()
 }
 
 /// The receivers with their rows of sites.

@@ -68,7 +68,10 @@ fn level_spacing(first: f32, wanted: f32) -> f32 {
     spacing
 }
 
-/// Per active piece the spacing wanted at its first candidate.
+/// Points of a piece that are asked for the spacing they want.
+const ASKED: usize = 5;
+
+/// Per active piece the smallest spacing wanted at some of its candidates.
 fn wants(
     growth: &Growth<'_>,
     candidates: &[Candidate],
@@ -79,7 +82,10 @@ fn wants(
         .with_min_len(64)
         .map(|piece| {
             let first = candidates.partition_point(|c| (c.piece as usize) < piece);
-            candidates.get(first).and_then(|c| wanted(&c.point))
+            let own = candidates[first..].partition_point(|c| c.piece as usize == piece);
+            let step = own.div_ceil(ASKED).max(1);
+            let asked = candidates[first..first + own].iter().step_by(step);
+            asked.filter_map(|c| wanted(&c.point)).min_by(f32::total_cmp)
         })
         .collect()
 }
@@ -98,16 +104,11 @@ fn throw(growth: &Growth<'_>, candidates: &[Candidate], wants: &[Option<f32>], k
 /// The arrays in Morton order, fronts before backs.
 fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
     let smallest = spacings.iter().copied().fold(f32::INFINITY, f32::min).max(1e-6);
-    let corner = kept
-        .iter()
-        .map(|k| k.candidate.point.position)
-        .fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
+    let corner = kept.iter().map(|k| k.candidate.point.position).fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
     let mut order: Vec<(bool, u64, u32)> = kept
         .iter()
         .enumerate()
-        .map(|(i, k)| {
-            (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32)
-        })
+        .map(|(i, k)| (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32))
         .collect();
     order.par_sort_unstable();
     let mut arrays = SiteArrays::default();
