@@ -13,6 +13,8 @@ pub struct Plan {
     pub sites: SiteParams,
     /// Spacing of sites over the radius of the receivers around.
     pub site_spacing: f32,
+    /// Upper limit of the sites' spacing over the smallest radius of receivers.
+    pub widest_spacing: f32,
     /// Lamp links.
     pub direct: DirectParams,
     /// Receivers and rows.
@@ -32,6 +34,7 @@ impl Plan {
         Self {
             sites: SiteParams { seed, ..SiteParams::default() },
             site_spacing: 0.5,
+            widest_spacing: 3.0,
             direct: DirectParams {
                 first: if ease > 3.0 { 4 } else { 8 },
                 penumbra: (64.0 / ease).clamp(16.0, 512.0) as u32,

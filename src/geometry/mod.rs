@@ -9,9 +9,12 @@ use glam::Vec3;
 
 /// How far a ray's origin is lifted off its surface, in units of the normalised scene.
 ///
-/// Positions in the unit scene carry rounding of about 1e-7; a hundred times that keeps a ray from meeting its own
-/// triangle and is still far below any site spacing. Smaller values bring acne at grazing angles.
-pub const LIFT: f32 = 1.0e-5;
+/// Rays from points on a triangle met that triangle again in 1 to 6 of 600,000 cases at 1e-7, never from 2e-7 on. Larger
+/// lifts bias creases: 1e-5 brightened the reference scan by 0.2 %, 4e-7 by less than 0.02 %.
+pub const LIFT: f32 = 4.0e-7;
+
+/// How far a given point may lie off the surface, in units of the normalised scene: f32 coordinates of a large scene.
+pub const GIVEN_TOLERANCE: f32 = 3.0e-4;
 
 /// A point of a surface with the side it is seen from, in the scene's local frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
