@@ -77,7 +77,7 @@ pub fn bumpy_sphere(levels: u32) -> Mesh {
 
 /// A point drawn on a random triangle, and that triangle's normal.
 pub fn surface_point((vertices, triangles): &Mesh, stream: &mut Stream) -> (Vec3, Vec3) {
-    let number = (stream.bits() >> 32) * triangles.len() as u64 >> 32;
+    let number = ((stream.bits() >> 32) * triangles.len() as u64) >> 32;
     let corners = triangles[number as usize].map(|v| vertices[v as usize]);
     let (u, v) = triangle::uniform_barycentric(stream.unit_pair());
     (triangle::point(corners, u, v), triangle::normal(corners))

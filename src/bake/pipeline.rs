@@ -51,9 +51,13 @@ pub fn build(
     report.stages.push(stage.finish());
 
     let stage = Stage::start(monitor, "sites", "sites", None);
-    // Light from lamps and albedo vary even where nothing is near: never coarser than this.
+    // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of the
+    // light there comes from surfaces.
     let widest = placement.smallest_radius * plan.widest_spacing;
-    let spacing = |at: &SurfacePoint| placement.radius_at(at).map(|r| (r * plan.site_spacing).min(widest));
+    let spacing = |at: &SurfacePoint| {
+        let (radius, share) = placement.radius_at(at)?;
+        Some((radius * plan.site_spacing).min(widest / share.max(1e-6).sqrt()))
+    };
     let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);
     let (graph, linked) = Neighbours::link(&sites, &bvh);
     let cells = Cells::new(&surface, &plots);

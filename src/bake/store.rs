@@ -140,7 +140,7 @@ fn read_scene(job: &Path) -> Result<(crate::scene::Scene, Bvh)> {
             archive.array(tag("attribs"))?,
         )
         .map_err(|problem| damaged(&archive, "tables", problem))?;
-    let bvh = Bvh::from_arrays(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
+    let bvh = Bvh::from_slices(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
         .map_err(|problem| damaged(&archive, "branches", problem.to_string()))?;
     Ok((scene, bvh))
 }
@@ -304,6 +304,7 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
     let met = read_rows(archive, ids.len(), rays, sites.len() as u32)?;
     Ok(Receivers {
         homes: ids.iter().map(|&s| SiteId(s)).collect(),
+        lift: 0.0,
         index: SupportIndex::new(&supports),
         rows: Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() },
     })

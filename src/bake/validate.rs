@@ -5,11 +5,13 @@
 
 use rayon::prelude::*;
 
-use crate::geometry::{SurfacePoint, hash, triangle};
+use crate::geometry::{SurfacePoint, hash, tangent_frame};
 use crate::light::mean_channel;
 use crate::links::direct::{DirectParams, Query};
 use crate::links::rows::Rows;
-use crate::scene::Scene;
+use crate::rays::Ray;
+use crate::scatter::surface::side_normal;
+use crate::sites::SiteId;
 use crate::solve::Field;
 
 /// How the estimate is made.
@@ -41,15 +43,14 @@ const ROW_NOISE_AT_1024: f64 = 0.0017;
 
 /// Judges a field by points spread over all lit surfaces.
 pub fn judge(field: &Field<'_>, params: &ValidateParams) -> Estimate {
-    let scene = field.problem.around.scene;
-    let surface = Surface::new(scene);
+    let sampler = Sampler::new(field);
     // Sides that no light reaches (the outside of a closed room) are no part of the answer; ask for more points
     // until enough are lit.
     let mut lit: Vec<Sample> = Vec::new();
     let mut rays = 0;
     for round in 0..8 {
         let points: Vec<SurfacePoint> = (0..params.points)
-            .filter_map(|i| surface.point(scene, params.seed, (round * params.points + i) as u64))
+            .filter_map(|i| sampler.point(field, params.seed, (round * params.points + i) as u64))
             .collect();
         let answers = field.evaluate(&points);
         let dark = |k: usize| answers[k].total().max_element() <= 0.0;
@@ -120,39 +121,49 @@ impl Estimate {
     }
 }
 
-/// All sides of the scene that can receive light, for sampling by area.
-struct Surface {
+/// Points spread by area times the share of rays that meet surfaces: where surfaces exchange light. An endless plane under
+/// an open sky has area without end and nothing to get wrong.
+struct Sampler {
     cumulative: Vec<f64>,
-    /// Triangle, and whether its back.
-    sides: Vec<(u32, bool)>,
 }
 
-impl Surface {
-    fn new(scene: &Scene) -> Self {
-        let (mut cumulative, mut sides) = (Vec::new(), Vec::new());
+impl Sampler {
+    fn new(field: &Field<'_>) -> Self {
+        let problem = &field.problem;
+        let rows = &problem.receivers.rows;
         let mut sum = 0.0;
-        for mesh in &scene.meshes {
-            for t in mesh.triangles.clone() {
-                let area = f64::from(triangle::area(scene.corners(t)));
-                for back in [false, true].into_iter().take(1 + usize::from(mesh.two_sided)) {
-                    sum += area;
-                    cumulative.push(sum);
-                    sides.push((t, back));
-                }
-            }
-        }
-        Self { cumulative, sides }
+        let weight = |site: usize| -> f64 {
+            let share = |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
+            let spread = problem.spread;
+            let share: f32 = spread.receivers_of(site).iter().zip(spread.weights_of(site)).map(share).sum();
+            f64::from(problem.around.sites.areas[site] * share)
+        };
+        let cumulative = (0..problem.around.sites.len())
+            .map(|site| {
+                sum += weight(site);
+                sum
+            })
+            .collect();
+        Self { cumulative }
     }
 
-    fn point(&self, scene: &Scene, seed: u64, index: u64) -> Option<SurfacePoint> {
-        let total = *self.cumulative.last()?;
-        let want = f64::from(hash::unit(seed, index)) * total;
-        let k = self.cumulative.partition_point(|&c| c <= want).min(self.sides.len() - 1);
-        let (t, back) = self.sides[k];
-        let corners = scene.corners(t);
-        let (u, v) = triangle::uniform_barycentric(hash::unit_pair(seed ^ 0xa5a5, index));
-        let normal = triangle::normal(corners) * if back { -1.0 } else { 1.0 };
-        (normal != glam::Vec3::ZERO)
-            .then(|| SurfacePoint { position: triangle::point(corners, u, v), normal })
+    /// A point near a site: thrown onto its tangent plane, then onto the surface.
+    fn point(&self, field: &Field<'_>, seed: u64, index: u64) -> Option<SurfacePoint> {
+        let around = field.problem.around;
+        let want = f64::from(hash::unit(seed, index)) * self.cumulative.last()?;
+        let site = self.cumulative.partition_point(|&c| c <= want).min(self.cumulative.len() - 1);
+        let at = around.sites.point(SiteId(site as u32));
+        let reach = 0.5 * around.sites.spacings[site];
+        let (s, t) = tangent_frame(at.normal);
+        let [u, v] = hash::unit_pair(seed ^ 0xa5a5, index);
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        let above = at.position + (s * cos + t * sin) * (reach * u.sqrt()) + at.normal * reach;
+        let ray = Ray { origin: above, direction: -at.normal, t_min: 0.0, t_max: 2.0 * reach };
+        let hit = around.bvh.closest(&ray)?;
+        let back = crate::links::from_behind(around.scene, &ray, &hit);
+        let normal = side_normal(around.scene, hit.triangle, back);
+        let mesh = &around.scene.meshes[around.scene.mesh_of(hit.triangle)];
+        (mesh.two_sided || !back)
+            .then(|| SurfacePoint { position: above + ray.direction * hit.distance, normal })
     }
 }

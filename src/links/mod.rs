@@ -67,10 +67,4 @@ impl<'a> Surroundings<'a> {
             _ => self.ground().represent(point),
         }
     }
-
-    /// Whether two surface points see each other; their ends are lifted by a share of their distance, so that gentle
-    /// curvature between them does not count as a wall.
-    pub fn mutually_visible(&self, a: &SurfacePoint, b: &SurfacePoint) -> bool {
-        crate::sites::neighbours::mutually_visible(*a, *b, self.bvh)
-    }
 }

@@ -39,6 +39,9 @@ pub struct ReceiverParams {
 /// How many of the nearest supports are asked for visibility before a point counts as uncovered.
 const MOST_ASKED: usize = 8;
 
+/// The ends of visibility rays are lifted by at most this share of the local spacing.
+const LIFT_SHARE: f32 = 0.03;
+
 /// The first level has about this many receivers.
 const COARSEST: f64 = 64.0;
 
@@ -76,7 +79,7 @@ impl Placement {
         let mut settled = 0.0;
         while !growth.active.is_empty() {
             let candidates = growth.candidates(params.density);
-            let shares = placement.cover(bvh, &candidates);
+            let shares = placement.cover(bvh, &candidates, LIFT_SHARE * growth.spacing);
             let mut keep = vec![false; growth.active.len()];
             candidates.iter().zip(&shares).for_each(|(c, s)| keep[c.piece as usize] |= s.is_none());
             placement.add_rows((surface, bvh), params, (&growth, &candidates, &shares));
@@ -95,7 +98,7 @@ impl Placement {
 
     /// Per candidate, whether a receiver covers it: the share of the receiver's rays that met surfaces (zero for the
     /// dead); None if uncovered.
-    fn cover(&mut self, bvh: &Bvh, candidates: &[Candidate]) -> Vec<Option<f32>> {
+    fn cover(&mut self, bvh: &Bvh, candidates: &[Candidate], lift: f32) -> Vec<Option<f32>> {
         let rays = self.raw.rays as f32;
         let answers: Vec<(Option<f32>, u64)> = candidates
             .par_iter()
@@ -111,7 +114,7 @@ impl Placement {
                 let mut rays_used = 0;
                 let by = found.iter().take(MOST_ASKED).find(|(_, id)| {
                     rays_used += 1;
-                    mutually_visible(at, self.index.supports()[*id as usize].point, bvh)
+                    mutually_visible(at, self.index.supports()[*id as usize].point, lift, bvh)
                 });
                 (by.map(|(_, id)| self.raw.summaries[*id as usize].hits as f32 / rays), rays_used)
             })
@@ -167,19 +170,22 @@ impl Placement {
         self.index = SupportIndex::new(&supports);
     }
 
-    /// The radius that speaks for a point: its best support's; None inside solids.
-    pub fn radius_at(&self, at: &SurfacePoint) -> Option<f32> {
-        let mut best = (f32::INFINITY, None);
-        let mut see = |index: &SupportIndex, live: bool| {
-            index.for_each(at, REACH, |id, distance| {
-                if distance < best.0 {
-                    best = (distance, live.then(|| index.supports()[id as usize].radius));
-                }
-            });
-        };
-        see(&self.index, true);
-        see(&self.dead, false);
-        if best.0 == f32::INFINITY { Some(self.smallest_radius) } else { best.1 }
+    /// The radius that speaks for a point, and the share of rays that meet surfaces there: its best support's. None inside
+    /// solids.
+    pub fn radius_at(&self, at: &SurfacePoint) -> Option<(f32, f32)> {
+        let mut best = (f32::INFINITY, Some((self.smallest_radius, 0.5)));
+        self.index.for_each(at, REACH, |id, distance| {
+            if distance < best.0 {
+                let share = self.raw.summaries[id as usize].hits as f32 / self.raw.rays as f32;
+                best = (distance, Some((self.index.supports()[id as usize].radius, share)));
+            }
+        });
+        self.dead.for_each(at, REACH, |_, distance| {
+            if distance < best.0 {
+                best = (distance, None);
+            }
+        });
+        best.1
     }
 }
 
@@ -235,6 +241,8 @@ pub struct Receivers {
     pub index: SupportIndex,
     /// The site under each.
     pub homes: Vec<SiteId>,
+    /// Visibility rays' ends are lifted by at most this much.
+    pub lift: f32,
     /// Their rows, numbered alike.
     pub rows: Rows,
 }
@@ -249,7 +257,8 @@ impl Receivers {
             .with_min_len(64)
             .map(|s| around.site_under(&s.point).unwrap_or(SiteId(0)))
             .collect();
-        Self { index: placement.index, homes, rows: placement.raw.resolve(around) }
+        let lift = LIFT_SHARE * placement.smallest_radius;
+        Self { index: placement.index, homes, lift, rows: placement.raw.resolve(around) }
     }
 
     /// How many receivers there are.
@@ -318,7 +327,7 @@ fn fit_site(
     for (_, id) in found.iter() {
         let support = receivers.index.supports()[*id as usize];
         rays += 1;
-        if around.mutually_visible(&at, &support.point) {
+        if mutually_visible(at, support.point, receivers.lift, around.bvh) {
             ids.push(*id);
             supports.push(support);
             if ids.len() == mls::MOST {

@@ -213,6 +213,25 @@ fn edge(p: [__m128; 3], q: [__m128; 3]) -> __m128 {
     unsafe { _mm_loadu_ps(lanes.as_ptr()) }
 }
 
+/// Asks for a child's memory ahead of its use.
+#[inline]
+#[target_feature(enable = "avx2,bmi1,lzcnt")]
+fn prefetch(branches: &[Branch], packets: &[Packet], child: Child) {
+    // Addresses are only formed, not read: a prefetch of any address is harmless.
+    if child.is_packets() {
+        let at = packets.as_ptr().wrapping_add(child.packet_range().start).cast::<i8>();
+        _mm_prefetch::<_MM_HINT_T0>(at);
+        _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(64));
+        _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(128));
+    } else {
+        let at = branches.as_ptr().wrapping_add(child.bits() as usize).cast::<i8>();
+        _mm_prefetch::<_MM_HINT_T0>(at);
+        _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(64));
+        _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(128));
+        _mm_prefetch::<_MM_HINT_T0>(at.wrapping_add(192));
+    }
+}
+
 /// Children left waiting, with their entry distances.
 struct Stack {
     entries: [std::mem::MaybeUninit<(Child, f32)>; STACK],
@@ -233,14 +252,14 @@ impl Stack {
         self.height += 1;
     }
 
-    /// The last one pushed whose box begins before `t_max`.
+    /// The last one pushed whose box does not begin beyond `t_max`.
     #[inline]
     fn pop(&mut self, t_max: f32) -> Option<Child> {
         while self.height > 0 {
             self.height -= 1;
             // SAFETY: below the height everything has been written.
             let (child, entry) = unsafe { self.entries.get_unchecked(self.height).assume_init_read() };
-            if entry < t_max {
+            if entry <= t_max {
                 return Some(child);
             }
         }
@@ -250,18 +269,26 @@ impl Stack {
     /// Pushes the children of `met`, the nearest last, and takes that one off again.
     #[inline]
     #[target_feature(enable = "avx2,bmi1,lzcnt")]
-    fn sort_in(&mut self, branch: &Branch, near: __m256, mut met: u32) -> Child {
+    fn sort_in(
+        &mut self,
+        branch: &Branch,
+        near: __m256,
+        mut met: u32,
+        arrays: (&[Branch], &[Packet]),
+    ) -> Child {
         let mut distances = [0.0f32; FAN];
         // SAFETY: room for eight.
         unsafe { _mm256_storeu_ps(distances.as_mut_ptr(), near) };
         let base = self.height;
         let mut nearest = branch.children[(met.trailing_zeros() & 7) as usize];
         let mut nearest_entry = distances[(met.trailing_zeros() & 7) as usize];
+        prefetch(arrays.0, arrays.1, nearest);
         met &= met - 1;
         while met != 0 {
             let place = (met.trailing_zeros() & 7) as usize;
             met &= met - 1;
             let (mut child, mut entry) = (branch.children[place], distances[place]);
+            prefetch(arrays.0, arrays.1, child);
             if entry <= nearest_entry {
                 std::mem::swap(&mut child, &mut nearest);
                 std::mem::swap(&mut entry, &mut nearest_entry);
@@ -297,7 +324,7 @@ fn closest_avx2(branches: &[Branch], packets: &[Packet], ray: &Prepared) -> Opti
         } else if met & (met - 1) == 0 {
             branch.children[(met.trailing_zeros() & 7) as usize]
         } else {
-            stack.sort_in(branch, near, met)
+            stack.sort_in(branch, near, met, (branches, packets))
         };
         while child.is_packets() {
             for index in child.packet_range() {
@@ -364,7 +391,7 @@ fn occluded_avx2(branches: &[Branch], packets: &[Packet], ray: &Prepared) -> boo
         } else if met & (met - 1) == 0 {
             branch.children[(met.trailing_zeros() & 7) as usize]
         } else {
-            stack.sort_in(branch, near, met)
+            stack.sort_in(branch, near, met, (branches, packets))
         };
         while child.is_packets() {
             for index in child.packet_range() {

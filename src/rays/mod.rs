@@ -5,12 +5,14 @@ mod clusters;
 #[cfg(target_arch = "x86_64")]
 mod kernels;
 mod layout;
+mod memory;
 mod prepare;
 mod scalar;
 
 use glam::Vec3;
 
 pub use layout::{Branch, Child, DEPTH_LIMIT, FAN, LANES, Malformed, NO_TRIANGLE, Packet};
+use memory::Slab;
 use prepare::Prepared;
 
 use crate::scene::Scene;
@@ -119,8 +121,8 @@ impl<'a> BvhView<'a> {
 /// The acceleration structure over a scene's triangles, owned.
 #[derive(Debug)]
 pub struct Bvh {
-    branches: Vec<Branch>,
-    packets: Vec<Packet>,
+    branches: Slab<Branch>,
+    packets: Slab<Packet>,
 }
 
 impl Bvh {
@@ -140,18 +142,21 @@ impl Bvh {
         Self { branches: built.branches, packets: built.packets }
     }
 
-    /// From arrays that [`BvhView::branches`] and [`BvhView::packets`] gave.
+    /// Copies stored arrays, into huge pages when they are large, after checking them as [`BvhView::checked`] does.
     ///
     /// # Errors
     /// As [`BvhView::checked`].
-    pub fn from_arrays(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
-        BvhView::checked(branches, packets)?;
-        Ok(Self { branches: branches.to_vec(), packets: packets.to_vec() })
+    pub fn from_slices(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
+        layout::check(branches, packets.len())?;
+        let mut own = Self { branches: Slab::zeroed(branches.len()), packets: Slab::zeroed(packets.len()) };
+        own.branches.slice_mut().copy_from_slice(branches);
+        own.packets.slice_mut().copy_from_slice(packets);
+        Ok(own)
     }
 
     /// The same queries over borrowed arrays.
     pub fn view(&self) -> BvhView<'_> {
-        BvhView { branches: &self.branches, packets: &self.packets }
+        BvhView { branches: self.branches.slice(), packets: self.packets.slice() }
     }
 
     /// The nearest hit of the ray, from either side of a triangle; see [`BvhView::closest`].

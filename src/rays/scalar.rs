@@ -53,7 +53,7 @@ fn walk(branches: &[Branch], ray: &mut Prepared, mut visit: impl FnMut(Child, &m
             }
             height -= 1;
             let (child, entry) = stack[height];
-            if entry >= ray.t_max {
+            if entry > ray.t_max {
                 continue;
             }
             if let Some(below) = child.as_branch() {

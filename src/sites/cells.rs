@@ -183,6 +183,6 @@ impl Ground<'_> {
         });
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(TRIES);
-        near.into_iter().map(|n| n.1).find(|&site| mutually_visible(*point, self.sites.point(site), self.bvh))
+        near.into_iter().map(|n| n.1).find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))
     }
 }

@@ -150,13 +150,16 @@ impl Sites {
         self.levels.iter().max().map_or(0, |&l| usize::from(l) + 1)
     }
 
-    /// The mismatch d² + 4h²(1 − n·n′) between a point and a site that is near and turned alike; None for others.
+    /// The mismatch d² + 4(d·m)² + 4h²(1 − n·n′) between a point and a site that is near and turned alike, m their mean
+    /// normal; None for others.
     fn mismatch(&self, point: &SurfacePoint, site: u32) -> Option<f32> {
         let s = site as usize;
         let cosine = self.normals[s].dot(point.normal);
-        let square = self.positions[s].distance_squared(point.position);
+        let d = self.positions[s] - point.position;
+        let square = d.length_squared();
         let h2 = self.spacings[s] * self.spacings[s];
-        (cosine > 0.0 && square < REACH * REACH * h2).then(|| square + 4.0 * h2 * (1.0 - cosine))
+        let offset = d.dot(self.normals[s] + point.normal);
+        (cosine > 0.0 && square < REACH * REACH * h2).then(|| square + offset * offset + 4.0 * h2 * (1.0 - cosine))
     }
 
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one

@@ -43,10 +43,11 @@ pub struct NeighbourReport {
     pub elapsed_seconds: f64,
 }
 
-/// Whether two surface points see each other, both lifted along their own normals.
-pub fn mutually_visible(a: SurfacePoint, b: SurfacePoint, bvh: &Bvh) -> bool {
+/// Whether two surface points see each other, both lifted along their own normals by a share of their distance, at most
+/// `limit`: small bumps between them do not count as walls, sheets that lie close to each other do.
+pub fn mutually_visible(a: SurfacePoint, b: SurfacePoint, limit: f32, bvh: &Bvh) -> bool {
     let distance = a.position.distance(b.position);
-    let lift = (LINK_LIFT * distance).max(LIFT);
+    let lift = (LINK_LIFT * distance).min(limit).max(LIFT);
     let (from, to) = (a.position + a.normal * lift, b.position + b.normal * lift);
     // Ends that coincide but for rounding have nothing between them.
     from.distance_squared(to) <= LIFT * LIFT || !bvh.occluded(&Ray::between(from, to))
@@ -67,7 +68,7 @@ impl Neighbours {
                     later_pairs(sites, site as u32, &mut near);
                     for &other in &near {
                         let ends = [SiteId(site as u32), SiteId(other)].map(|s| sites.point(s));
-                        let open = mutually_visible(ends[0], ends[1], bvh);
+                        let open = mutually_visible(ends[0], ends[1], f32::INFINITY, bvh);
                         if open { &mut seen } else { &mut blocked }.push([site as u32, other]);
                     }
                 }
