@@ -21,6 +21,8 @@ pub struct Plan {
     pub receivers: ReceiverParams,
     /// Relative residual of the solver, before the division by 1 − ρ.
     pub tolerance: f64,
+    /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
+    pub doubt: f32,
     /// Points that judge the result.
     pub judges: usize,
 }
@@ -37,7 +39,7 @@ impl Plan {
             widest_spacing: 3.0,
             direct: DirectParams {
                 first: if ease > 3.0 { 4 } else { 8 },
-                penumbra: (64.0 / ease).clamp(16.0, 512.0) as u32,
+                penumbra: (96.0 / ease).clamp(32.0, 512.0) as u32,
                 seed: seed ^ 0xd1,
             },
             receivers: ReceiverParams {
@@ -49,12 +51,13 @@ impl Plan {
             },
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
+            doubt: (3.0 * error) as f32,
             judges: 200,
         }
     }
 
     /// How points off the receivers are answered.
     pub fn field(&self) -> FieldParams {
-        FieldParams { direct: self.direct, rays: self.receivers.rows.rays }
+        FieldParams { direct: self.direct, rays: self.receivers.rows.rays, doubt: self.doubt }
     }
 }

@@ -9,9 +9,10 @@ use crate::error::Result;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
-use crate::links::receivers::{Placement, Receivers, Spread};
+use crate::links::receivers::{Placement, Receivers, Sources, Spread};
 use crate::geometry::SurfacePoint;
 use crate::rays::Bvh;
+use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Sites};
@@ -46,7 +47,10 @@ pub fn build(
 
     let stage = Stage::start(monitor, "rows", "receivers", None);
     let surface = Surface::new(&scene, leaf_order(&bvh));
-    let placement = Placement::grow(&surface, &bvh, &plan.receivers);
+    let (lamps, glowing) = lamps::split(&scene);
+    let shines = |at: &SurfacePoint| lamps.iter().any(|l| l.reaches(at, &bvh));
+    let sources = Sources { shines: &shines, glowing: &glowing, sky: scene.sky.is_some() };
+    let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers);
     stage.advance(placement.places.len() as u64)?;
     report.stages.push(stage.finish());
 
@@ -54,8 +58,8 @@ pub fn build(
     // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of the
     // light there comes from surfaces.
     let widest = placement.smallest_radius * plan.widest_spacing;
-    let spacing = |at: &SurfacePoint| {
-        let (radius, share) = placement.radius_at(at)?;
+    let spacing = |at: &Candidate| {
+        let (radius, share) = placement.radius_at(&at.point).filter(|_| placement.is_lit(&scene, at.triangle, at.back))?;
         Some((radius * plan.site_spacing).min(widest / share.max(1e-6).sqrt()))
     };
     let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);
@@ -65,7 +69,6 @@ pub fn build(
     stage.advance(sites.len() as u64)?;
     report.stages.push(stage.finish());
 
-    let (lamps, glowing) = lamps::split(&scene);
     let (albedo, exitance) = materials(&scene, &sites, &glowing);
     let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
     let stage = Stage::start(monitor, "direct", "lamps", Some(lamps.len() as u64));

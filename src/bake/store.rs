@@ -339,6 +339,7 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("gradient"), receivers.clone(), &gradient)?;
     w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
     w.append(tag("surplus"), receivers, &s.surplus)?;
+    w.append(tag("level"), 0..1, &[s.level])?;
     w.append(tag("radiosit"), 0..s.radiosity.len() as u64, &s.radiosity)?;
     finish(w, report)
 }
@@ -352,6 +353,7 @@ fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<Soluti
         sky_visibility: archive.array(tag("sky_seen"))?.to_vec(),
         surplus: archive.array(tag("surplus"))?.to_vec(),
         radiosity: archive.array(tag("radiosit"))?.to_vec(),
+        level: archive.array::<f32>(tag("level"))?.first().copied().unwrap_or(0.0),
     };
     same_length(&archive, "irradian", &solution.irradiance, receivers.len())?;
     same_length(&archive, "gradient", &solution.gradient, receivers.len())?;

@@ -91,7 +91,7 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
         problem.around.bvh,
         problem.lamps,
         &thorough,
-        &Query { point: *point, site: None, key },
+        &Query { point: *point, site: None, rugged: true, key },
     );
     let square = |v: glam::Vec3| f64::from(v.length_squared()) / 3.0;
     let level =
@@ -129,21 +129,12 @@ struct Sampler {
 
 impl Sampler {
     fn new(field: &Field<'_>) -> Self {
-        let problem = &field.problem;
-        let rows = &problem.receivers.rows;
         let mut sum = 0.0;
-        let weight = |site: usize| -> f64 {
-            let share = |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
-            let spread = problem.spread;
-            let share: f32 = spread.receivers_of(site).iter().zip(spread.weights_of(site)).map(share).sum();
-            f64::from(problem.around.sites.areas[site] * share)
-        };
-        let cumulative = (0..problem.around.sites.len())
-            .map(|site| {
-                sum += weight(site);
-                sum
-            })
-            .collect();
+        let cumulative = field.problem.exchange().into_iter().map(|weight| {
+            sum += weight;
+            sum
+        });
+        let cumulative = cumulative.collect();
         Self { cumulative }
     }
 

@@ -101,6 +101,8 @@ pub struct Query {
     pub point: SurfacePoint,
     /// The site that speaks for it, if any.
     pub site: Option<u32>,
+    /// Whether something stands between the site and others near it: its shadows are no guide.
+    pub rugged: bool,
     /// Decorrelates its shadow rays.
     pub key: u64,
 }
@@ -145,9 +147,12 @@ fn look_at(around: Surroundings<'_>, lamp: &Lamp, params: &DirectParams, rays: &
         let differs = |o: &u32| (first[*o as usize] - first[s]).abs() > DIFFERENCE;
         mixed || around.graph.of(SiteId(s as u32)).iter().any(differs)
     };
-    let penumbra: Vec<bool> = (0..sites.len()).into_par_iter().map(in_doubt).collect();
+    let edge: Vec<bool> = (0..sites.len()).into_par_iter().map(in_doubt).collect();
+    // One ring more: the border runs anywhere between the two sites that differ.
+    let beside = |s: usize| edge[s] || around.graph.of(SiteId(s as u32)).iter().any(|o| edge[*o as usize]);
+    let penumbra: Vec<bool> = (0..sites.len()).into_par_iter().map(beside).collect();
     let refined = |s: usize| {
-        let again = penumbra[s] && !lamp.is_punctual() && !first[s].is_nan();
+        let again = edge[s] && !lamp.is_punctual() && !first[s].is_nan();
         if again { see(s, params.penumbra) } else { first[s] }
     };
     let visibility = (0..sites.len()).into_par_iter().map(refined).collect();

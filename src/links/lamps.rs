@@ -231,6 +231,11 @@ impl Lamp {
         (all > 0.0).then(|| (seen / all) as f32)
     }
 
+    /// Whether any of a few rays finds the lamp.
+    pub fn reaches(&self, at: &SurfacePoint, bvh: &Bvh) -> bool {
+        self.coupling(at) > 0.0 && self.visibility(at, bvh, 8, [0.5, 0.5]).is_some_and(|v| v > 0.0)
+    }
+
     /// The one ray that decides over a punctual light.
     fn shadow_ray(&self, at: &SurfacePoint) -> Ray {
         match &self.shape {

@@ -51,20 +51,27 @@ impl<'a> Surroundings<'a> {
         }
     }
 
-    /// The site that speaks for a surface point: a short ray finds the triangle under it, the cells know the rest.
-    pub fn site_under(&self, point: &SurfacePoint) -> Option<SiteId> {
+    /// The site that speaks for a surface point, and the point itself set onto the surface: a short ray finds the triangle
+    /// under it, the cells know the rest.
+    pub fn footing(&self, point: &SurfacePoint) -> (Option<SiteId>, SurfacePoint) {
         let lift = crate::geometry::GIVEN_TOLERANCE;
-        let ray = Ray {
-            origin: point.position + point.normal * lift,
-            direction: -point.normal,
-            t_min: 0.0,
-            t_max: 2.0 * lift,
-        };
-        let mark = self.bvh.closest(&ray).map(|hit| self.mark(&hit, from_behind(self.scene, &ray, &hit)));
-        match mark {
-            Some(site) if site < rows::FIRST_MARK => Some(SiteId(site)),
-            Some(rows::BLACK) => None,
-            _ => self.ground().represent(point),
+        // From close above first: a wrinkle may hang over the point.
+        for lift in [0.01 * lift, lift] {
+            let origin = point.position + point.normal * lift;
+            let ray = Ray { origin, direction: -point.normal, t_min: 0.0, t_max: 2.0 * lift };
+            let Some(hit) = self.bvh.closest(&ray) else { continue };
+            let set = SurfacePoint { position: origin - point.normal * hit.distance, normal: point.normal };
+            match self.mark(&hit, from_behind(self.scene, &ray, &hit)) {
+                rows::BLACK => return (None, set),
+                rows::LOST => {}
+                site => return (Some(SiteId(site)), set),
+            }
         }
+        (self.ground().represent(point), *point)
+    }
+
+    /// The site that speaks for a surface point.
+    pub fn site_under(&self, point: &SurfacePoint) -> Option<SiteId> {
+        self.footing(point).0
     }
 }

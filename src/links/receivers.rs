@@ -7,9 +7,10 @@
 use rayon::prelude::*;
 
 use super::Surroundings;
-use super::rows::{RawRows, RowParams, Rows};
+use super::rows::{RawHit, RawRows, RowParams, Rows};
 use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
+use crate::scene::Scene;
 use crate::scatter::Candidate;
 use crate::scatter::growth::Growth;
 use crate::scatter::octaves::Octaves;
@@ -59,13 +60,28 @@ pub struct Placement {
     pub rays: u64,
     /// The smallest radius, local units.
     pub smallest_radius: f32,
+    /// Per mesh its front and back: whether light can get there at all.
+    pub lit: Vec<[bool; 2]>,
 }
+
+/// Where light comes from, as far as placing receivers needs to know.
+pub struct Sources<'a> {
+    /// Whether a lamp shines on a point.
+    pub shines: &'a (dyn Fn(&SurfacePoint) -> bool + Sync),
+    /// Per mesh, whether its surface emits.
+    pub glowing: &'a [bool],
+    /// Whether there is light outside.
+    pub sky: bool,
+}
+
+/// Light's way is followed once this many receivers know what they see; sides it does not reach get no more.
+const ENOUGH_TO_FOLLOW: usize = 250;
 
 impl Placement {
     /// Places receivers level by level until every bit of surface is covered by one that it sees.
     ///
     /// Deterministic for any number of threads. Cost: a row a receiver, about fifteen coverage tests a receiver.
-    pub fn grow(surface: &Surface<'_>, bvh: &Bvh, params: &ReceiverParams) -> Self {
+    pub fn grow(surface: &Surface<'_>, bvh: &Bvh, sources: &Sources<'_>, params: &ReceiverParams) -> Self {
         let first = (0.76 * surface.area() / COARSEST).sqrt() as f32;
         let mut growth = Growth::new(surface, first, params.rows.seed);
         let mut placement = Self {
@@ -75,11 +91,20 @@ impl Placement {
             dead: SupportIndex::default(),
             rays: 0,
             smallest_radius: 0.0,
+            lit: vec![[true; 2]; surface.scene().meshes.len()],
         };
+        let mut followed = false;
         let mut settled = 0.0;
         while !growth.active.is_empty() {
             let candidates = growth.candidates(params.density);
-            let shares = placement.cover(bvh, &candidates, LIFT_SHARE * growth.spacing);
+            if !followed && placement.places.len() >= ENOUGH_TO_FOLLOW {
+                placement.follow_light(surface.scene(), sources);
+                followed = true;
+            }
+            let candidate_is_lit = |c: &Candidate| placement.is_lit(surface.scene(), c.triangle, c.back);
+            let lit: Vec<bool> = candidates.par_iter().with_min_len(256).map(candidate_is_lit).collect();
+            let mut shares = placement.cover(bvh, &candidates, LIFT_SHARE * growth.spacing);
+            shares.iter_mut().zip(&lit).filter(|(_, lit)| !**lit).for_each(|(s, _)| *s = Some(0.0));
             let mut keep = vec![false; growth.active.len()];
             candidates.iter().zip(&shares).for_each(|(c, s)| keep[c.piece as usize] |= s.is_none());
             placement.add_rows((surface, bvh), params, (&growth, &candidates, &shares));
@@ -94,6 +119,39 @@ impl Placement {
         }
         placement.widen();
         placement
+    }
+
+    /// Whether light can get to a side of a triangle.
+    pub fn is_lit(&self, scene: &Scene, triangle: u32, back: bool) -> bool {
+        self.lit[scene.mesh_of(triangle)][usize::from(back)]
+    }
+
+    /// Finds the sides of meshes that light can reach: those that shine, that lamps shine on, that see the sky, and those
+    /// that see any of these. The inside of a closed scan is none.
+    fn follow_light(&mut self, scene: &Scene, sources: &Sources<'_>) {
+        let mut lit: Vec<[bool; 2]> = sources.glowing.iter().map(|&g| [g; 2]).collect();
+        let rays = self.raw.rays as usize;
+        let own = |r: usize| (scene.mesh_of(self.places[r].0), usize::from(self.places[r].2));
+        let shone: Vec<bool> =
+            self.index.supports().par_iter().map(|s| (sources.shines)(&s.point)).collect();
+        for (r, shone) in shone.into_iter().enumerate() {
+            let (mesh, side) = own(r);
+            lit[mesh][side] |= shone || (sources.sky && self.raw.summaries[r].escaped > 0);
+        }
+        loop {
+            let before = lit.clone();
+            for r in 0..self.places.len() {
+                let (mesh, side) = own(r);
+                if !lit[mesh][side] {
+                    let sees = |hit: &RawHit| hit.side().is_some_and(|(t, back)| lit[scene.mesh_of(t)][usize::from(back)]);
+                    lit[mesh][side] = self.raw.hits[r * rays..(r + 1) * rays].iter().any(sees);
+                }
+            }
+            if lit == before {
+                break;
+            }
+        }
+        self.lit = lit;
     }
 
     /// Per candidate, whether a receiver covers it: the share of the receiver's rays that met surfaces (zero for the

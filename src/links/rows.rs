@@ -117,6 +117,11 @@ impl RawRows {
 }
 
 impl RawHit {
+    /// The triangle and whether its back was met, if a surface was.
+    pub fn side(&self) -> Option<(u32, bool)> {
+        (self.side < FIRST_MARK).then_some((self.side >> 1, self.side & 1 == 1))
+    }
+
     fn met(&self, around: Surroundings<'_>) -> u32 {
         if self.side >= FIRST_MARK {
             return self.side;

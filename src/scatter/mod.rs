@@ -24,4 +24,6 @@ pub struct Candidate {
     pub back: bool,
     /// The active piece it was drawn from.
     pub piece: u32,
+    /// The triangle's place in its side's order.
+    pub place: u32,
 }

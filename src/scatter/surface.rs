@@ -128,7 +128,28 @@ impl<'a> Surface<'a> {
             position: triangle::point(corners, u, v),
             normal: if piece.back { -front } else { front },
         };
-        Candidate { point, triangle: id, barycentric: [u, v], back: piece.back, piece: number }
+        Candidate { point, triangle: id, barycentric: [u, v], back: piece.back, piece: number, place: k as u32 }
+    }
+}
+
+impl Piece {
+    /// Sorts pieces that tile the surface along it: side, first triangle, part of the triangle.
+    pub fn place(&self) -> (bool, u32, u64) {
+        let bits = 63 - self.path.leading_zeros();
+        (self.back, self.first, (self.path ^ (1 << bits)) << (60 - bits))
+    }
+}
+
+impl Candidate {
+    /// Where a candidate lies along the order of [`Piece::place`]: in the last piece that is not beyond.
+    pub fn along(&self) -> (bool, u32, u64) {
+        let mut at = self.barycentric;
+        let mut path = 0;
+        for _ in 0..30 {
+            let (part, within) = quarter(at);
+            (path, at) = (path << 2 | part, within);
+        }
+        (self.back, self.place, path)
     }
 }
 

@@ -15,7 +15,7 @@ use crate::scatter::surface::{Surface, quarter, side_normal, unfold};
 use crate::scene::Scene;
 
 /// Edge of a cell in spacings. Larger cells blur the borders between sites, smaller ones cost memory by the square.
-const CELL_SPACINGS: f32 = 0.7;
+const CELL_SPACINGS: f32 = 1.0;
 
 /// Nearest sites tried for visibility before a cell is left without one.
 const TRIES: usize = 8;
@@ -178,9 +178,7 @@ impl Ground<'_> {
 
     fn nearest_visible(&self, point: &SurfacePoint) -> Option<SiteId> {
         let mut near: Vec<(f32, SiteId)> = vec![];
-        self.sites.visit_near(point.position, |site| {
-            near.extend(self.sites.mismatch(point, site.0).map(|value| (value, site)));
-        });
+        self.sites.visit_matching(point, |site, value| near.push((value, site)));
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(TRIES);
         near.into_iter().map(|n| n.1).find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))

@@ -10,7 +10,7 @@ mod scatter;
 use glam::Vec3;
 
 use crate::geometry::SurfacePoint;
-use crate::scatter::octaves::Octaves;
+use crate::scatter::octaves::{Frozen, Octaves};
 use crate::scatter::surface::Piece;
 
 pub use cells::{Cells, Ground};
@@ -40,7 +40,7 @@ pub struct SiteParams {
 
 impl Default for SiteParams {
     fn default() -> Self {
-        Self { seed: 1, coarsest: 64, density: 5.0 }
+        Self { seed: 1, coarsest: 64, density: 9.0 }
     }
 }
 
@@ -91,12 +91,21 @@ pub struct Sites {
     pub levels: Vec<u8>,
     /// The Poisson spacing around each, local units.
     pub spacings: Vec<f32>,
-    near: Octaves,
+    near: Frozen<Near>,
+}
+
+/// What a search reads of a site.
+#[derive(Clone, Copy)]
+struct Near {
+    position: Vec3,
+    id: u32,
+    normal: Vec3,
+    spacing: f32,
 }
 
 /// How far a site is looked for, in its own spacings: the nearest site of a covered point is within 1.2, a neighbour
 /// within [`neighbours::LINK_SPACINGS`].
-pub const REACH: f32 = 1.7;
+pub const REACH: f32 = 2.0;
 
 impl Sites {
     /// Sites from arrays that [`Sites::to_arrays`] gave, with the look-up built anew.
@@ -105,6 +114,10 @@ impl Sites {
         for (id, (position, spacing)) in a.positions.iter().zip(&a.spacings).enumerate() {
             near.push(id as u32, *position, REACH * spacing);
         }
+        let near = Frozen::new(&near, |id| {
+            let s = id as usize;
+            Near { position: a.positions[s], id, normal: a.normals[s], spacing: a.spacings[s] }
+        });
         Self {
             positions: a.positions,
             normals: a.normals,
@@ -150,34 +163,48 @@ impl Sites {
         self.levels.iter().max().map_or(0, |&l| usize::from(l) + 1)
     }
 
-    /// The mismatch d² + 4(d·m)² + 4h²(1 − n·n′) between a point and a site that is near and turned alike, m their mean
-    /// normal; None for others.
-    fn mismatch(&self, point: &SurfacePoint, site: u32) -> Option<f32> {
-        let s = site as usize;
-        let cosine = self.normals[s].dot(point.normal);
-        let d = self.positions[s] - point.position;
-        let square = d.length_squared();
-        let h2 = self.spacings[s] * self.spacings[s];
-        let offset = d.dot(self.normals[s] + point.normal);
-        (cosine > 0.0 && square < REACH * REACH * h2).then(|| square + offset * offset + 4.0 * h2 * (1.0 - cosine))
-    }
-
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one
     /// where it is needed.
     pub fn nearest(&self, point: &SurfacePoint) -> Option<SiteId> {
         let mut best = (f32::INFINITY, u32::MAX);
-        self.near.for_each(point.position, |site| {
-            if let Some(value) = self.mismatch(point, site)
-                && (value, site) < best
+        self.near.for_each(point.position, |near| {
+            if let Some(value) = near.mismatch(point)
+                && (value, near.id) < best
             {
-                best = (value, site);
+                best = (value, near.id);
             }
         });
         (best.1 != u32::MAX).then_some(SiteId(best.1))
     }
 
+    /// Calls `visit` with every site that matches a point at all, and its mismatch.
+    pub fn visit_matching(&self, point: &SurfacePoint, mut visit: impl FnMut(SiteId, f32)) {
+        self.near.for_each(point.position, |near| {
+            if let Some(value) = near.mismatch(point) {
+                visit(SiteId(near.id), value);
+            }
+        });
+    }
+
     /// Calls `visit` with every site whose reach may hold the position, and some that do not.
     pub fn visit_near(&self, position: Vec3, mut visit: impl FnMut(SiteId)) {
-        self.near.for_each(position, |id| visit(SiteId(id)));
+        self.near.for_each(position, |near| visit(SiteId(near.id)));
+    }
+}
+
+impl Near {
+    /// The mismatch d² + 4(d·m)² + 4h²(1 − n·n′) between a point and a site that is near and turned alike, m their mean
+    /// normal; None for others.
+    #[inline]
+    fn mismatch(&self, point: &SurfacePoint) -> Option<f32> {
+        let d = self.position - point.position;
+        let square = d.length_squared();
+        let h2 = self.spacing * self.spacing;
+        if square >= REACH * REACH * h2 {
+            return None;
+        }
+        let cosine = self.normal.dot(point.normal);
+        let offset = d.dot(self.normal + point.normal);
+        (cosine > 0.0).then(|| square + offset * offset + 4.0 * h2 * (1.0 - cosine))
     }
 }

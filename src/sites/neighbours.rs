@@ -7,7 +7,7 @@ use crate::geometry::{LIFT, SurfacePoint};
 use crate::rays::{Bvh, Ray};
 
 /// Pairs closer than this many spacings are tried: a site of a saturated packing has about five such neighbours.
-pub const LINK_SPACINGS: f32 = 1.7;
+pub const LINK_SPACINGS: f32 = 1.9;
 
 /// Pairs whose normals' cosine is below this are no neighbours.
 pub const LINK_COSINE: f32 = 0.3;

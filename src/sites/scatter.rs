@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::{Plot, SiteArrays, SiteId, SiteParams, Sites};
-use crate::geometry::{SurfacePoint, morton};
+use crate::geometry::morton;
 use crate::scatter::Candidate;
 use crate::scatter::growth::Growth;
 use crate::scatter::surface::Surface;
@@ -30,7 +30,7 @@ impl Sites {
     pub fn scatter(
         surface: &Surface<'_>,
         params: &SiteParams,
-        wanted: impl Fn(&SurfacePoint) -> Option<f32> + Sync,
+        wanted: impl Fn(&Candidate) -> Option<f32> + Sync,
     ) -> (Self, Vec<Plot>) {
         let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
         let mut growth = Growth::new(surface, first, params.seed);
@@ -49,23 +49,17 @@ impl Sites {
             }
             growth.descend(&keep);
         }
-        let spacings: Vec<f32> = kept
-            .par_iter()
-            .map(|k| wanted(&k.candidate.point).map_or(k.spacing, |w| level_spacing(first, w).min(k.spacing)))
-            .collect();
+        plots.par_sort_unstable_by_key(|plot| plot.piece.place());
+        let plot_of = |k: &Kept| {
+            let along = k.candidate.along();
+            plots[plots.partition_point(|plot| plot.piece.place() <= along).max(1) - 1].spacing
+        };
+        let spacings: Vec<f32> =
+            kept.par_iter().map(|k| Some(plot_of(k)).filter(|&s| s > 0.0).unwrap_or(k.spacing)).collect();
         let mut sites = Self::from_arrays(in_order(&kept, &spacings));
         sites.areas = areas(&sites, surface, &plots, params.seed);
         (sites, plots)
     }
-}
-
-/// The spacing of the level that serves a wanted one.
-fn level_spacing(first: f32, wanted: f32) -> f32 {
-    let mut spacing = first;
-    while wanted * std::f32::consts::SQRT_2 < spacing && spacing > first * f32::powi(0.5, DEEPEST as i32) {
-        spacing *= 0.5;
-    }
-    spacing
 }
 
 /// Points of a piece that are asked for the spacing they want.
@@ -75,7 +69,7 @@ const ASKED: usize = 5;
 fn wants(
     growth: &Growth<'_>,
     candidates: &[Candidate],
-    wanted: &(impl Fn(&SurfacePoint) -> Option<f32> + Sync),
+    wanted: &(impl Fn(&Candidate) -> Option<f32> + Sync),
 ) -> Vec<Option<f32>> {
     (0..growth.active.len())
         .into_par_iter()
@@ -85,7 +79,7 @@ fn wants(
             let own = candidates[first..].partition_point(|c| c.piece as usize == piece);
             let step = own.div_ceil(ASKED).max(1);
             let asked = candidates[first..first + own].iter().step_by(step);
-            asked.filter_map(|c| wanted(&c.point)).min_by(f32::total_cmp)
+            asked.filter_map(wanted).min_by(f32::total_cmp)
         })
         .collect()
 }

@@ -37,9 +37,17 @@ impl Irradiance {
 pub struct FieldParams {
     /// Shadow rays.
     pub direct: DirectParams,
-    /// Rays a point shoots itself where no receiver speaks for it.
+    /// Rays a point shoots itself where no receiver speaks for it, or where they disagree too much.
     pub rays: u32,
+    /// The disagreement, relative to the solution's level, from which a point gathers for itself.
+    pub doubt: f32,
 }
+
+/// Fits of fewer receivers than this (five unknowns) are not trusted.
+pub const FEWEST: usize = 5;
+
+/// A site's shadows speak for points whose normals' cosine with its own is at least this (18°).
+const SAME_TURN: f32 = 0.95;
 
 /// A solved scene that answers for any surface point.
 #[derive(Clone, Copy)]
@@ -62,12 +70,22 @@ impl Field<'_> {
 
     fn at(&self, point: &SurfacePoint) -> Irradiance {
         let problem = &self.problem;
-        let site = problem.around.site_under(point).map(|s| s.0);
-        let query = Query { point: *point, site, key: key(point) };
+        let (site, set) = problem.around.footing(point);
+        let point = &set;
+        let turned = |s| problem.around.sites.point(s).normal.dot(point.normal) < SAME_TURN;
+        let rugged = site.is_none_or(|s| problem.around.graph.unclean(s) || turned(s));
+        let site = site.map(|s| s.0);
+        let query = Query { point: *point, site, rugged, key: key(point) };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
         let near = site.map_or(&[][..], |s| problem.spread.receivers_of(s as usize));
+        let near = if near.len() < FEWEST { &[][..] } else { near };
         match fit(problem.receivers, point, near) {
-            Some(weights) => self.blend(point, near, &weights, direct),
+            Some(weights) => {
+                let blended = self.blend(point, near, &weights, direct);
+                // Not a number where receivers vouch for nothing.
+                let trusted = blended.error <= self.params.doubt * self.solution.level;
+                if trusted { blended } else { self.gather(point, direct) }
+            }
             None => self.gather(point, direct),
         }
     }
@@ -79,8 +97,9 @@ impl Field<'_> {
             let turn = point.normal - self.problem.receivers.index.supports()[r].point.normal;
             out.indirect += (self.solution.irradiance[r] + self.solution.gradient[r] * turn) * w;
             out.sky_visibility += self.solution.sky_visibility[r] * w;
-            out.error += self.solution.surplus[r] * w.abs();
+            out.error += self.solution.surplus[r] * self.solution.surplus[r] * w.abs();
         }
+        out.error = out.error.sqrt();
         out.indirect = out.indirect.max(Rgb::ZERO);
         out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
         out

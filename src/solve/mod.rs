@@ -54,6 +54,8 @@ pub struct Solution {
     pub surplus: Vec<f32>,
     /// Radiosity per site, without the lamps' own exitance.
     pub radiosity: Vec<Rgb>,
+    /// Mean irradiance where surfaces exchange light: what relative errors are relative to, W·m⁻².
+    pub level: f32,
 }
 
 /// Rays flatter than this cosine count as this flat in gradients (1/cos would let a few rays rule).
@@ -69,10 +71,12 @@ impl Problem<'_> {
         first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
         let (irradiance, report) = iterate::solve(|x| transport.apply(x), &first, params);
         let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
-        let radiosity = transport.pull(&transport.push(&irradiance), Some(&own));
+        let irradiance_at_sites = transport.push(&irradiance);
+        let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
         let mut solution = Solution { irradiance, radiosity, ..Solution::default() };
         (solution.gradient, solution.sky_visibility) = self.gradients(&solution.radiosity);
         solution.surplus = self.surplus(&solution);
+        solution.level = self.level(&irradiance_at_sites);
         (solution, report)
     }
 
@@ -85,6 +89,34 @@ impl Problem<'_> {
                 self.exitance[site] + self.albedo[site] * self.direct.at_site(self.lamps, site, &point)
             })
             .collect()
+    }
+
+    /// How much the surface around each site counts: its area times the share of rays that meet surfaces there. An endless
+    /// plane under an open sky has area without end and nothing to get wrong.
+    pub fn exchange(&self) -> Vec<f64> {
+        let rows = &self.receivers.rows;
+        let share = |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
+        (0..self.around.sites.len())
+            .map(|site| {
+                let weights = self.spread.weights_of(site);
+                let share: f32 = self.spread.receivers_of(site).iter().zip(weights).map(share).sum();
+                f64::from(self.around.sites.areas[site] * share)
+            })
+            .collect()
+    }
+
+    /// Mean irradiance of the lit sites, by exchange.
+    fn level(&self, indirect: &[Rgb]) -> f32 {
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for (site, exchange) in self.exchange().into_iter().enumerate() {
+            let point = self.around.sites.point(SiteId(site as u32));
+            let light = indirect[site] + self.direct.at_site(self.lamps, site, &point);
+            if light.max_element() > 0.0 {
+                sum += exchange * f64::from(crate::light::mean_channel(light));
+                weight += exchange;
+            }
+        }
+        if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }
     }
 
     /// Irradiance at receivers straight from the sky.
@@ -161,9 +193,13 @@ impl Problem<'_> {
                 let others: Vec<u32> =
                     self.spread.receivers_of(site).iter().copied().filter(|&o| o as usize != r).collect();
                 let at = self.receivers.index.supports()[r].point;
+                // Too few others to tell: the receiver vouches for nothing around it.
+                if others.len() < field::FEWEST {
+                    return f32::INFINITY;
+                }
                 match field::interpolate(self.receivers, solution, &at, &others) {
                     Some(fit) => (crate::light::mean_channel(fit - solution.irradiance[r])).abs(),
-                    None => 0.0,
+                    None => f32::INFINITY,
                 }
             })
             .collect()
