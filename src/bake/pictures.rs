@@ -19,6 +19,21 @@ pub const PREVIEW_FILE: &str = "preview.png";
 /// Pixels of the picture.
 const PREVIEW_SIZE: [u32; 2] = [768, 512];
 
+/// Whether the job holds both files.
+pub fn present(job: &Path) -> bool {
+    [MESH_FILE, PREVIEW_FILE].iter().all(|name| job.join(name).is_file())
+}
+
+/// Opens a finished job and writes both files.
+///
+/// # Errors
+/// As [`super::open`] and [`write`].
+pub fn of_job(job: &Path, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
+    let opened = super::open(job)?;
+    let evaluate = |points: &[_]| opened.evaluate(points);
+    write(job, (opened.scene(), opened.bvh()), &evaluate, monitor)
+}
+
 /// Writes both files into the job directory and says what they took.
 ///
 /// # Errors

@@ -73,6 +73,10 @@ pub enum Verb {
     /// Find the light of a scene and keep it in a job directory
     #[command(after_help = EXIT_CODES)]
     Bake(Bake),
+    /// Answer for given surface points from a job
+    Probe(Probe),
+    /// Answer for given surface points by plain path tracing, with a standard error
+    Reference(Reference),
     /// Write the light of a job per vertex of its mesh
     Export(Export),
     /// Make an image of a job from a camera
@@ -117,6 +121,43 @@ pub struct Bake {
     /// Write neither JOB/preview.png nor JOB/mesh.ply
     #[arg(long)]
     pub no_preview: bool,
+}
+
+/// `probe JOB`
+#[derive(Debug, Args)]
+pub struct Probe {
+    /// A baked job directory
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// Table of points: x,y,z,nx,ny,nz in world coordinates; further columns are kept
+    #[arg(long, value_name = "CSV")]
+    pub points: PathBuf,
+    /// Table to write [default: standard output]
+    #[arg(short, long, value_name = "CSV")]
+    pub output: Option<PathBuf>,
+}
+
+/// `reference SCENE`
+#[derive(Debug, Args)]
+pub struct Reference {
+    /// A mesh (.ply, .obj, .gltf, .glb) or a scene.toml
+    #[arg(value_name = "SCENE")]
+    pub scene: PathBuf,
+    /// Table of points: x,y,z,nx,ny,nz in world coordinates; further columns are kept
+    #[arg(long, value_name = "CSV")]
+    pub points: PathBuf,
+    /// Paths per point, rounded up to a multiple of 16; a power of two is best
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: u32,
+    /// Follow light over at most N reflections [default: without limit]
+    #[arg(long, value_name = "N")]
+    pub max_bounces: Option<u32>,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Table to write [default: standard output]
+    #[arg(short, long, value_name = "CSV")]
+    pub output: Option<PathBuf>,
 }
 
 /// `export JOB`

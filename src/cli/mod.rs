@@ -80,6 +80,8 @@ fn use_threads(manners: &Manners) -> Result<()> {
 fn run(verb: &Verb, console: &Console) -> Result<()> {
     match verb {
         Verb::Bake(request) => verbs::bake::run(request, console),
+        Verb::Probe(request) => verbs::points::probe::run(request, console),
+        Verb::Reference(request) => verbs::points::reference::run(request, console),
         Verb::Export(request) => verbs::export::run(request, console),
         Verb::Render(request) => verbs::render::run(request, console),
         Verb::Inspect(request) => verbs::inspect::run(request, console),

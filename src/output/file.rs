@@ -59,10 +59,7 @@ pub fn write_whole(
         write(&mut sink)?;
         return sink.flush().map_err(failed);
     }
-    let folder = match path.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(path);
     let temporary = temporary_in(folder).map_err(failed)?;
     let (file, name) = temporary.into_parts();
     let mut sink = Sink::new(file);
@@ -79,6 +76,27 @@ pub fn write_whole(
             needed_bytes: expected_bytes.saturating_sub(sink.written_bytes).max(1),
         }),
         Err(other) => Err(other),
+    }
+}
+
+/// Checks that the folder that `path` is to lie in is there, before work is done that could not be kept.
+///
+/// # Errors
+/// [`Error::Io`].
+pub fn check_folder(path: &Path) -> Result<()> {
+    let folder = folder_of(path);
+    let meta =
+        fs::metadata(folder).map_err(|e| Error::io(folder, "looking for the folder to write to", e))?;
+    if meta.is_dir() {
+        return Ok(());
+    }
+    Err(Error::io(folder, "looking for the folder to write to", io::ErrorKind::NotADirectory.into()))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
     }
 }
 
@@ -118,5 +136,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("no/such/out.bin");
         assert_eq!(write_whole(&path, 0, |_| Ok(())).unwrap_err().exit_code(), 8);
+        assert_eq!(check_folder(&path).unwrap_err().exit_code(), 8);
+        assert!(check_folder(Path::new("out.bin")).is_ok());
     }
 }

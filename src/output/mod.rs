@@ -5,6 +5,7 @@
 
 pub mod exposure;
 pub mod file;
+pub mod footing;
 pub mod normals;
 pub mod picture;
 pub mod ply;

@@ -130,6 +130,15 @@ impl Console {
         self.shared.say("error", "31", message);
     }
 
+    /// Leaves at once when a signal came: for work that keeps nothing and cannot be told to stop.
+    pub fn leave_if_interrupted(&self) {
+        if let Err(error) = self.check() {
+            self.close();
+            self.fail(error.exit_code(), &error.to_string());
+            std::process::exit(i32::from(error.exit_code()));
+        }
+    }
+
     /// Prints a remark for those who asked for more (`-v`).
     pub fn remark(&self, message: &str) {
         if self.shared.verbose > 0 {

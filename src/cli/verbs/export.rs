@@ -6,17 +6,19 @@ use crate::cli::console::Console;
 use crate::cli::values::show_bytes;
 use crate::cli::verbs::Written;
 use crate::error::Result;
+use crate::output::file::check_folder;
 use crate::output::ply;
 
 /// Writes the light of the job per vertex.
 pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
+    check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
     let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
     let evaluate = |points: &[_]| job.evaluate(points);
     ply::export(&request.output, job.scene(), &evaluate, &|vertices| stage.advance(vertices))?;
     stage.finish();
-    let written = Written::of(&request.output, &meter);
+    let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
 }

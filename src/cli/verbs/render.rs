@@ -6,6 +6,7 @@ use crate::cli::console::Console;
 use crate::cli::values::show_bytes;
 use crate::cli::verbs::Written;
 use crate::error::Result;
+use crate::output::file::check_folder;
 use crate::output::picture::{Quality, View, layers, png, render};
 
 /// The size of a picture without a camera that says otherwise.
@@ -14,6 +15,7 @@ const DEFAULT_SIZE: [u32; 2] = [1200, 800];
 /// Makes an image of the job from a camera.
 pub fn run(request: &Render, console: &Console) -> Result<()> {
     let meter = Meter::start();
+    check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
     let view = View::choose(job.scene(), job.bvh(), request.camera.as_deref(), DEFAULT_SIZE)?;
     let [width, height] = view.camera.size;
@@ -29,7 +31,7 @@ pub fn run(request: &Render, console: &Console) -> Result<()> {
         layers::write(&request.output, &film)?;
     }
     stage.finish();
-    let written = Written::of(&request.output, &meter);
+    let written = Written::file(&request.output, &meter);
     console.result(&format!(
         "{}: {width} × {height}, {}\n",
         written.output,

@@ -76,15 +76,37 @@ pub struct Film {
 
 impl Film {
     /// The exposure that shows the surfaces of this picture well: their 98th percentile of luminance at 0.9 of the
-    /// display's linear range; the sky behind does not count.
+    /// display's linear range, or less, down to half, where the sky behind would then outshine the display: surfaces
+    /// under a white sky stay distinct from it.
     pub fn exposure(&self) -> f32 {
-        exposure::automatic(self.pixels.iter().map(|p| (exposure::luminance(p.radiance()), p.coverage)))
+        let luminance = |pixel: &Pixel| exposure::luminance(pixel.radiance());
+        let surfaces = exposure::automatic(self.pixels.iter().map(|p| (luminance(p), p.coverage)));
+        let mut behind: Vec<f32> = self.pixels.iter().filter(|p| p.coverage == 0.0).map(luminance).collect();
+        behind.sort_by(f32::total_cmp);
+        match behind.get(behind.len() / 2) {
+            Some(&median) if median > 0.0 => surfaces.min((1.0 / median).max(0.5 * surfaces)),
+            _ => surfaces,
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_sky_behind_darkens_a_picture_by_half_at_the_most() {
+        let lit = |radiance: f32, coverage: f32| Pixel {
+            direct: Vec3::splat(radiance),
+            coverage,
+            ..Pixel::default()
+        };
+        let film = |sky: f32| Film { width: 2, height: 1, pixels: vec![lit(0.5, 1.0), lit(sky, 0.0)] };
+        // Surfaces of 0.5 alone ask for 0.9 / 0.5 = 1.8; luminance weights add up to 1 within 1e-6.
+        for (sky, expected) in [(0.0, 1.8), (0.1, 1.8), (0.8, 1.25), (10.0, 0.9)] {
+            assert!((film(sky).exposure() - expected).abs() < 1e-5, "{sky}: {}", film(sky).exposure());
+        }
+    }
 
     #[test]
     fn a_half_covered_pixel_keeps_the_depth_of_its_surface() {

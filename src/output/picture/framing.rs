@@ -211,22 +211,32 @@ fn outside(scene: &Scene, bvh: &Bvh, setting: &Setting) -> (f32, Camera) {
     best.unwrap_or_else(|| (1.0, fit(scene, setting, setting.front)))
 }
 
-/// The camera looking against `towards` at the box's centre from just so far that all fits.
+/// The camera looking against `towards` from just so far that all fits, the outline in the middle.
 fn fit(scene: &Scene, setting: &Setting, towards: Vec3) -> Camera {
-    let centre = setting.centre();
     let right = setting.up.cross(towards).normalize_or(towards.any_orthonormal_vector());
     let above = towards.cross(right);
     let tan_y = (0.5 * OUTSIDE_FOV.to_radians()).tan();
     let tan_x = tan_y * setting.size[0] as f32 / setting.size[1].max(1) as f32;
     let stride = scene.triangles.len().div_ceil(FITTED_VERTICES / 3).max(1);
-    let used = scene.triangles.iter().step_by(stride).flatten();
-    let distance = used.fold(0.0f32, |most, &k| {
-        let p = scene.vertices[k as usize] - centre;
-        let beside = (p.dot(right).abs() / tan_x).max(p.dot(above).abs() / tan_y);
-        most.max(p.dot(towards) + beside)
-    });
-    let distance = distance.max(1e-3 * (setting.high - setting.low).length()).max(1e-6);
-    camera(centre + towards * (1.06 * distance), centre, (setting.up, OUTSIDE_FOV, setting.size))
+    let used = || scene.triangles.iter().step_by(stride).flatten().map(|&k| scene.vertices[k as usize]);
+    // A point p is inside the picture's left edge when −p·right ≤ tan (d − p·towards) for an eye at distance d: four
+    // planes touch the scene, and opposite ones meet in the line that the eye must lie on or behind.
+    let mut reach = [f32::NEG_INFINITY; 4];
+    for p in used() {
+        let (x, y, z) = (p.dot(right), p.dot(above), p.dot(towards));
+        let edges = [x + tan_x * z, tan_x * z - x, y + tan_y * z, tan_y * z - y];
+        for (most, edge) in reach.iter_mut().zip(edges) {
+            *most = most.max(edge);
+        }
+    }
+    let [to_right, to_left, to_top, to_bottom] = reach;
+    let (x, y) = (0.5 * (to_right - to_left), 0.5 * (to_top - to_bottom));
+    let needed = (0.5 * (to_right + to_left) / tan_x).max(0.5 * (to_top + to_bottom) / tan_y);
+    let depth = setting.centre().dot(towards);
+    let target = right * x + above * y + towards * depth;
+    let least = 1e-3 * (setting.high - setting.low).length();
+    let distance = (1.06 * (needed - depth)).max(least).max(1e-6);
+    camera(target + towards * distance, target, (setting.up, OUTSIDE_FOV, setting.size))
 }
 
 #[cfg(test)]

@@ -25,12 +25,15 @@ const REC709: Chromaticities = Chromaticities {
 /// Bytes of a pixel before compression: 12 half channels and five floats.
 const PIXEL_BYTES: u64 = 12 * 2 + 5 * 4;
 
+/// A channel's name, or its layer's, and what it holds.
+type Channel<T> = (&'static str, fn(&Pixel) -> T);
+
 /// Writes `R,G,B` (all that the camera sees), `direct.*` and `indirect.*` (which add up to it), `albedo.*` as half;
 /// `normal.X/Y/Z` (scene axes), `Z` (world units along the viewing axis, 1e10 for none) and `error` (standard error of
 /// the mean-channel radiance) as float. Radiances in W·m⁻²·sr⁻¹, not exposed. ZIP compression, 16 lines a block.
 pub fn write(path: &Path, film: &Film) -> Result<()> {
     let mut channels = smallvec::SmallVec::new();
-    let colours: [(&str, fn(&Pixel) -> Vec3); 4] = [
+    let colours: [Channel<Vec3>; 4] = [
         ("", Pixel::radiance),
         ("direct.", |p| p.direct),
         ("indirect.", |p| p.indirect),
@@ -42,7 +45,7 @@ pub fn write(path: &Path, film: &Film) -> Result<()> {
             channels.push(AnyChannel::new(format!("{layer}{name}").as_str(), FlatSamples::F16(samples)));
         }
     }
-    let floats: [(&str, fn(&Pixel) -> f32); 5] = [
+    let floats: [Channel<f32>; 5] = [
         ("normal.X", |p| p.normal.x),
         ("normal.Y", |p| p.normal.y),
         ("normal.Z", |p| p.normal.z),

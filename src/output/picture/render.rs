@@ -17,7 +17,7 @@ use crate::light::Rgb;
 use crate::output::normals::{Weight, smooth_normal, vertex_normals};
 use crate::output::{Advance, Evaluate};
 use crate::rays::{Bvh, Hit, Ray};
-use crate::scene::{Scene, Sky};
+use crate::scene::Scene;
 
 /// Pixels along the edge of a tile: 1,024 pixels give the evaluation a batch worth its overhead and still spread a small
 /// picture over many threads.
@@ -166,7 +166,10 @@ impl Renderer<'_> {
             let cell = dy * lights / across * lights + dx * lights / across;
             match self.first_hit(ray) {
                 Some(hit) => samples.push(self.surface(&ray, &hit, pixel, cell)),
-                None => sum.direct += background(self.scene.sky.as_ref(), ray.direction),
+                None => {
+                    sum.direct +=
+                        self.scene.sky.as_ref().map_or(Rgb::ZERO, |sky| sky.radiance(ray.direction));
+                }
             }
         }
     }
@@ -235,22 +238,6 @@ fn alike(a: &Sample, b: &Sample, near: f32) -> bool {
 /// Maps [0, 1) to (−1, 1) with the density of a tent.
 fn tent(u: f32) -> f32 {
     if u < 0.5 { (2.0 * u).sqrt() - 1.0 } else { 1.0 - (2.0 - 2.0 * u).sqrt() }
-}
-
-/// The sky's radiance from where `direction` points; black without a sky.
-fn background(sky: Option<&Sky>, direction: Vec3) -> Rgb {
-    match sky {
-        None => Vec3::ZERO,
-        Some(Sky::Constant(radiance)) => *radiance,
-        Some(Sky::Image { image, to_image }) => {
-            let d = *to_image * direction;
-            let u = 0.5 + d.x.atan2(-d.z) / std::f32::consts::TAU;
-            let v = d.y.clamp(-1.0, 1.0).acos() / std::f32::consts::PI;
-            // Half a texel from the poles, so that the zenith does not mix with the nadir.
-            let edge = 0.5 / image.height as f32;
-            image.bilinear_repeat(glam::Vec2::new(u, v.clamp(edge, 1.0 - edge)))
-        }
-    }
 }
 
 #[cfg(test)]
