@@ -217,7 +217,7 @@ mod tests {
     use crate::geometry::hash;
 
     /// A seeded row-stochastic matrix times ρ, dense.
-    fn operator(n: usize, rho: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
+    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
         let rows: Vec<Vec<f32>> = (0..n)
             .map(|i| {
                 let mut row: Vec<f32> = (0..n)
@@ -230,7 +230,7 @@ mod tests {
                     })
                     .collect();
                 let sum: f32 = row.iter().sum();
-                row.iter_mut().for_each(|x| *x *= rho / sum);
+                row.iter_mut().for_each(|x| *x *= albedo / sum);
                 row
             })
             .collect();
