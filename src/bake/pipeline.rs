@@ -6,11 +6,11 @@ use super::progress::{Monitor, Stage};
 use super::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use crate::error::Result;
+use crate::geometry::SurfacePoint;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
 use crate::links::receivers::{Placement, Receivers, Spread};
-use crate::geometry::SurfacePoint;
 use crate::rays::Bvh;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
@@ -135,5 +135,5 @@ fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut Pipe
 
 /// The triangles as the ray engine's leaves hold them: a spatially coherent order, without those no ray can meet.
 pub fn leaf_order(bvh: &Bvh) -> impl Iterator<Item = u32> + '_ {
-    bvh.view().packets().iter().flat_map(|packet| packet.triangles())
+    bvh.view().packets().iter().flat_map(crate::rays::Packet::triangles)
 }

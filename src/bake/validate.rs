@@ -133,7 +133,8 @@ impl Sampler {
         let rows = &problem.receivers.rows;
         let mut sum = 0.0;
         let weight = |site: usize| -> f64 {
-            let share = |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
+            let share =
+                |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
             let spread = problem.spread;
             let share: f32 = spread.receivers_of(site).iter().zip(spread.weights_of(site)).map(share).sum();
             f64::from(problem.around.sites.areas[site] * share)

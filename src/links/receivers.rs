@@ -141,13 +141,18 @@ impl Placement {
         let points: Vec<SurfacePoint> = chosen.iter().map(|c| c.point).collect();
         let clear = clearances(growth.spacing, candidates, &points);
         let first = (self.places.len() + self.dead.supports().len()) as u64;
-        let keys: Vec<u64> = (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
+        let keys: Vec<u64> =
+            (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
         let mut fresh = RawRows::new(params.rows.rays);
         fresh.extend((surface.scene(), bvh), &points, &keys);
         self.rays += fresh.hits.len() as u64;
         for (k, candidate) in chosen.into_iter().enumerate() {
             let wanted = params.factor * fresh.summaries[k].harmonic_distance();
-            let radius = wanted.min(params.largest_radius).min(CLEARANCE_SHARE * clear[k]).max(self.smallest_radius).max(1e-6);
+            let radius = wanted
+                .min(params.largest_radius)
+                .min(CLEARANCE_SHARE * clear[k])
+                .max(self.smallest_radius)
+                .max(1e-6);
             let support = Support { point: points[k], radius };
             if fresh.summaries[k].is_dead(params.rows.rays) {
                 self.dead.push(support);
@@ -231,7 +236,12 @@ fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>
         *sum += f64::from(share.unwrap_or(0.5));
         *count += 1;
     }
-    growth.active.iter().zip(&sums).map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1))).collect()
+    growth
+        .active
+        .iter()
+        .zip(&sums)
+        .map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1)))
+        .collect()
 }
 
 /// The receivers with their rows of sites.

@@ -159,7 +159,8 @@ impl Sites {
         let square = d.length_squared();
         let h2 = self.spacings[s] * self.spacings[s];
         let offset = d.dot(self.normals[s] + point.normal);
-        (cosine > 0.0 && square < REACH * REACH * h2).then(|| square + offset * offset + 4.0 * h2 * (1.0 - cosine))
+        (cosine > 0.0 && square < REACH * REACH * h2)
+            .then_some(square + offset * offset + 4.0 * h2 * (1.0 - cosine))
     }
 
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one

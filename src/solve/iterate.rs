@@ -171,11 +171,11 @@ impl Cycle {
     fn correct(&self, x: &mut [Rgb]) {
         let k = self.steps();
         let mut y = [vec![0.0; k], vec![0.0; k], vec![0.0; k]];
-        for c in 0..3 {
+        for (c, y) in y.iter_mut().enumerate() {
             for i in (0..k).rev() {
-                let known: f64 = (i + 1..k).map(|j| self.columns[c][j][i] * y[c][j]).sum();
+                let known: f64 = (i + 1..k).map(|j| self.columns[c][j][i] * y[j]).sum();
                 let pivot = self.columns[c][i][i];
-                y[c][i] = if pivot.abs() > 0.0 { (self.right[c][i] - known) / pivot } else { 0.0 };
+                y[i] = if pivot.abs() > 0.0 { (self.right[c][i] - known) / pivot } else { 0.0 };
             }
         }
         for (j, v) in self.basis.iter().take(k).enumerate() {
