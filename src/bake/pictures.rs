@@ -27,7 +27,7 @@ pub fn present(job: &Path) -> bool {
 /// Opens a finished job and writes both files.
 ///
 /// # Errors
-/// As [`super::open`] and [`write`].
+/// As [`super::open`] and [`write()`].
 pub fn of_job(job: &Path, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
     let opened = super::open(job)?;
     let evaluate = |points: &[_]| opened.evaluate(points);

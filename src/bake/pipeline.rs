@@ -6,11 +6,11 @@ use super::progress::{Monitor, Stage};
 use super::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use crate::error::Result;
+use crate::geometry::SurfacePoint;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
 use crate::links::receivers::{Placement, Receivers, Sources, Spread};
-use crate::geometry::SurfacePoint;
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
@@ -59,7 +59,8 @@ pub fn build(
     // light there comes from surfaces.
     let widest = placement.smallest_radius * plan.widest_spacing;
     let spacing = |at: &Candidate| {
-        let (radius, share) = placement.radius_at(&at.point).filter(|_| placement.is_lit(&scene, at.triangle, at.back))?;
+        let (radius, share) =
+            placement.radius_at(&at.point).filter(|_| placement.is_lit(&scene, at.triangle, at.back))?;
         Some((radius * plan.site_spacing).min(widest / share.max(1e-6).sqrt()))
     };
     let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);

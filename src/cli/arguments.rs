@@ -100,8 +100,13 @@ pub struct Bake {
     /// A mesh (.ply, .obj, .gltf, .glb) or a scene.toml
     #[arg(value_name = "SCENE")]
     pub scene: PathBuf,
-    /// Job directory to write [default: <scene>.glow in the working directory]
-    #[arg(short, long, value_name = "JOB")]
+    /// Job directory to write; `<scene>.glow` in the working directory without it.
+    #[arg(
+        short,
+        long,
+        value_name = "JOB",
+        help = "Job directory to write [default: <scene>.glow in the working directory]"
+    )]
     pub output: Option<PathBuf>,
     /// Target relative RMS error of irradiance, as 2% or 0.02
     #[arg(long, value_name = "SHARE", default_value = "2%", value_parser = values::share)]

@@ -78,8 +78,8 @@ impl Direct {
                 continue;
             }
             let site = query.site.map(|s| s as usize);
-            let known =
-                site.filter(|&s| !view.penumbra[s] && !lamp.is_punctual()).map(|s| view.visibility[s]);
+            let speaks = |s: &usize| !query.rugged && !view.penumbra[*s] && !lamp.is_punctual();
+            let known = site.filter(speaks).map(|s| view.visibility[s]);
             let visibility = match known.filter(|v| !v.is_nan()) {
                 Some(v) => v,
                 None => {

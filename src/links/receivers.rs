@@ -10,12 +10,12 @@ use super::Surroundings;
 use super::rows::{RawHit, RawRows, RowParams, Rows};
 use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
-use crate::scene::Scene;
 use crate::scatter::Candidate;
 use crate::scatter::growth::Growth;
 use crate::scatter::octaves::Octaves;
 use crate::scatter::surface::Surface;
 use crate::scatter::thin::Darts;
+use crate::scene::Scene;
 use crate::sites::SiteId;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
@@ -132,8 +132,7 @@ impl Placement {
         let mut lit: Vec<[bool; 2]> = sources.glowing.iter().map(|&g| [g; 2]).collect();
         let rays = self.raw.rays as usize;
         let own = |r: usize| (scene.mesh_of(self.places[r].0), usize::from(self.places[r].2));
-        let shone: Vec<bool> =
-            self.index.supports().par_iter().map(|s| (sources.shines)(&s.point)).collect();
+        let shone: Vec<bool> = self.index.supports().par_iter().map(|s| (sources.shines)(&s.point)).collect();
         for (r, shone) in shone.into_iter().enumerate() {
             let (mesh, side) = own(r);
             lit[mesh][side] |= shone || (sources.sky && self.raw.summaries[r].escaped > 0);
@@ -143,7 +142,9 @@ impl Placement {
             for r in 0..self.places.len() {
                 let (mesh, side) = own(r);
                 if !lit[mesh][side] {
-                    let sees = |hit: &RawHit| hit.side().is_some_and(|(t, back)| lit[scene.mesh_of(t)][usize::from(back)]);
+                    let sees = |hit: &RawHit| {
+                        hit.side().is_some_and(|(t, back)| lit[scene.mesh_of(t)][usize::from(back)])
+                    };
                     lit[mesh][side] = self.raw.hits[r * rays..(r + 1) * rays].iter().any(sees);
                 }
             }
@@ -199,13 +200,18 @@ impl Placement {
         let points: Vec<SurfacePoint> = chosen.iter().map(|c| c.point).collect();
         let clear = clearances(growth.spacing, candidates, &points);
         let first = (self.places.len() + self.dead.supports().len()) as u64;
-        let keys: Vec<u64> = (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
+        let keys: Vec<u64> =
+            (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
         let mut fresh = RawRows::new(params.rows.rays);
         fresh.extend((surface.scene(), bvh), &points, &keys);
         self.rays += fresh.hits.len() as u64;
         for (k, candidate) in chosen.into_iter().enumerate() {
             let wanted = params.factor * fresh.summaries[k].harmonic_distance();
-            let radius = wanted.min(params.largest_radius).min(CLEARANCE_SHARE * clear[k]).max(self.smallest_radius).max(1e-6);
+            let radius = wanted
+                .min(params.largest_radius)
+                .min(CLEARANCE_SHARE * clear[k])
+                .max(self.smallest_radius)
+                .max(1e-6);
             let support = Support { point: points[k], radius };
             if fresh.summaries[k].is_dead(params.rows.rays) {
                 self.dead.push(support);
@@ -289,7 +295,12 @@ fn exchange(growth: &Growth<'_>, candidates: &[Candidate], shares: &[Option<f32>
         *sum += f64::from(share.unwrap_or(0.5));
         *count += 1;
     }
-    growth.active.iter().zip(&sums).map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1))).collect()
+    growth
+        .active
+        .iter()
+        .zip(&sums)
+        .map(|(p, (s, n))| f64::from(p.area) * s / f64::from((*n).max(1)))
+        .collect()
 }
 
 /// The receivers with their rows of sites.

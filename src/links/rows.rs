@@ -5,8 +5,6 @@
 //! sums to the share of rays that met something: ‖G‖∞ ≤ 1 by construction. The ray's direction is its place in the
 //! row, so that gradients and the sky need no further storage.
 
-use std::sync::OnceLock;
-
 use glam::Vec3;
 use rayon::prelude::*;
 
@@ -170,11 +168,13 @@ impl Rows {
     }
 }
 
+/// Points of the unit square, shared.
+pub type Lattice = std::sync::Arc<[[f32; 2]]>;
+
 /// The canonical lattice in the order rows are stored: along a curve, so that neighbouring rays meet neighbours.
-pub fn lattice(rays: u32) -> std::sync::Arc<[[f32; 2]]> {
-    static CACHE: OnceLock<std::sync::Mutex<Vec<std::sync::Arc<[[f32; 2]]>>>> = OnceLock::new();
-    let cache = CACHE.get_or_init(Default::default);
-    let mut known = cache.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+pub fn lattice(rays: u32) -> Lattice {
+    static CACHE: std::sync::Mutex<Vec<Lattice>> = std::sync::Mutex::new(Vec::new());
+    let mut known = CACHE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
     if let Some(found) = known.iter().find(|l| l.len() == rays as usize) {
         return found.clone();
     }
@@ -183,7 +183,7 @@ pub fn lattice(rays: u32) -> std::sync::Arc<[[f32; 2]]> {
         let w = hemisphere::cosine_hemisphere(*p);
         crate::geometry::morton::code(Vec3::new(w.x, w.y, 0.0), Vec3::new(-1.0, -1.0, 0.0), 1.0 / 128.0)
     });
-    let made: std::sync::Arc<[[f32; 2]]> = points.into();
+    let made: Lattice = points.into();
     known.push(made.clone());
     made
 }

@@ -42,8 +42,7 @@ impl<'a> Growth<'a> {
             .with_min_len(16)
             .flat_map_iter(|(number, piece)| {
                 let count = ((piece.area * scale).ceil() as u32).max(1);
-                (0..count)
-                    .map(move |i| self.surface.candidate((number as u32, piece), (i, count), seed))
+                (0..count).map(move |i| self.surface.candidate((number as u32, piece), (i, count), seed))
             })
             .collect()
     }

@@ -75,7 +75,13 @@ impl<'a> Surface<'a> {
     pub fn whole(&self) -> Vec<Piece> {
         let piece = |(back, side): (bool, &Side)| {
             let last = side.order.len() as u32;
-            (last > 0).then(|| Piece { first: 0, last, path: 1, back, area: side.before[last as usize] as f32 })
+            (last > 0).then(|| Piece {
+                first: 0,
+                last,
+                path: 1,
+                back,
+                area: side.before[last as usize] as f32,
+            })
         };
         [false, true].into_iter().zip(&self.sides).filter_map(piece).collect()
     }
@@ -128,7 +134,14 @@ impl<'a> Surface<'a> {
             position: triangle::point(corners, u, v),
             normal: if piece.back { -front } else { front },
         };
-        Candidate { point, triangle: id, barycentric: [u, v], back: piece.back, piece: number, place: k as u32 }
+        Candidate {
+            point,
+            triangle: id,
+            barycentric: [u, v],
+            back: piece.back,
+            piece: number,
+            place: k as u32,
+        }
     }
 }
 

@@ -77,7 +77,8 @@ impl Cells {
     /// cell, about 8 cells a site or one a triangle.
     pub fn new(surface: &Surface<'_>, plots: &[Plot]) -> Self {
         let triangles = surface.scene().triangles.len();
-        let mut cells = Self { slots: vec![NOTHING; 2 * triangles], triangles: triangles as u32, table: vec![] };
+        let mut cells =
+            Self { slots: vec![NOTHING; 2 * triangles], triangles: triangles as u32, table: vec![] };
         let mut end = 0u64;
         for plot in plots.iter().filter(|p| p.spacing > 0.0) {
             for &id in surface.triangles(&plot.piece) {
@@ -89,7 +90,8 @@ impl Cells {
         }
         assert!(end < u64::from(u32::MAX), "{end} surface cells do not fit 32 bits");
         // Zeroed pages cost nothing until a ray touches them.
-        cells.table = bytemuck::allocation::zeroed_vec::<u32>(end as usize).into_iter().map(AtomicU32::new).collect();
+        cells.table =
+            bytemuck::allocation::zeroed_vec::<u32>(end as usize).into_iter().map(AtomicU32::new).collect();
         cells
     }
 
@@ -181,6 +183,8 @@ impl Ground<'_> {
         self.sites.visit_matching(point, |site, value| near.push((value, site)));
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(TRIES);
-        near.into_iter().map(|n| n.1).find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))
+        near.into_iter()
+            .map(|n| n.1)
+            .find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))
     }
 }

@@ -98,11 +98,16 @@ fn throw(growth: &Growth<'_>, candidates: &[Candidate], wants: &[Option<f32>], k
 /// The arrays in Morton order, fronts before backs.
 fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
     let smallest = spacings.iter().copied().fold(f32::INFINITY, f32::min).max(1e-6);
-    let corner = kept.iter().map(|k| k.candidate.point.position).fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
+    let corner = kept
+        .iter()
+        .map(|k| k.candidate.point.position)
+        .fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
     let mut order: Vec<(bool, u64, u32)> = kept
         .iter()
         .enumerate()
-        .map(|(i, k)| (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32))
+        .map(|(i, k)| {
+            (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32)
+        })
         .collect();
     order.par_sort_unstable();
     let mut arrays = SiteArrays::default();

@@ -171,11 +171,11 @@ impl Cycle {
     fn correct(&self, x: &mut [Rgb]) {
         let k = self.steps();
         let mut y = [vec![0.0; k], vec![0.0; k], vec![0.0; k]];
-        for c in 0..3 {
+        for (c, y) in y.iter_mut().enumerate() {
             for i in (0..k).rev() {
-                let known: f64 = (i + 1..k).map(|j| self.columns[c][j][i] * y[c][j]).sum();
+                let known: f64 = (i + 1..k).map(|j| self.columns[c][j][i] * y[j]).sum();
                 let pivot = self.columns[c][i][i];
-                y[c][i] = if pivot.abs() > 0.0 { (self.right[c][i] - known) / pivot } else { 0.0 };
+                y[i] = if pivot.abs() > 0.0 { (self.right[c][i] - known) / pivot } else { 0.0 };
             }
         }
         for (j, v) in self.basis.iter().take(k).enumerate() {
@@ -217,7 +217,7 @@ mod tests {
     use crate::geometry::hash;
 
     /// A seeded row-stochastic matrix times ρ, dense.
-    fn operator(n: usize, rho: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
+    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
         let rows: Vec<Vec<f32>> = (0..n)
             .map(|i| {
                 let mut row: Vec<f32> = (0..n)
@@ -230,7 +230,7 @@ mod tests {
                     })
                     .collect();
                 let sum: f32 = row.iter().sum();
-                row.iter_mut().for_each(|x| *x *= rho / sum);
+                row.iter_mut().for_each(|x| *x *= albedo / sum);
                 row
             })
             .collect();

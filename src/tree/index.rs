@@ -70,7 +70,7 @@ mod tests {
                 let normal = crate::geometry::hemisphere::uniform_sphere(hash::unit_pair(3, i));
                 Support {
                     point: SurfacePoint { position: Vec3::new(x, y, z) * 2.0 - 1.0, normal },
-                    radius: 0.01 + 0.4 * r * r,
+                    radius: 0.01 + 0.6 * r * r,
                 }
             })
             .collect();

@@ -100,10 +100,7 @@ fn slope(features: &[[f64; 4]], kernel: &[f64], total: f64) -> [f64; 4] {
 fn solve_cholesky(mut m: [[f64; 4]; 4], mut x: [f64; 4]) -> [f64; 4] {
     for i in 0..4 {
         for j in 0..=i {
-            let mut sum = m[i][j];
-            for k in 0..j {
-                sum -= m[i][k] * m[j][k];
-            }
+            let sum = m[i][..j].iter().zip(&m[j]).fold(m[i][j], |sum, (a, b)| sum - a * b);
             m[i][j] = if i == j { sum.max(1e-300).sqrt() } else { sum / m[j][j] };
         }
     }

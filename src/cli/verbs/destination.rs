@@ -39,9 +39,7 @@ impl<'a> Destination<'a> {
     pub fn table(&self, table: &PointTable, columns: &[Column]) -> Result<()> {
         let Some(path) = self.file else {
             let mut text = Vec::new();
-            table
-                .write_to(&mut text, columns)
-                .map_err(|e| Error::io(STANDARD_OUTPUT, "writing", e.into()))?;
+            table.write_to(&mut text, columns).map_err(|e| Error::io(STANDARD_OUTPUT, "writing", e))?;
             return console::print(&text);
         };
         table.write(path, columns)
