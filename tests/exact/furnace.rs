@@ -64,7 +64,7 @@ fn furnace_bumpy_cave() {
 
 #[test]
 fn furnace_with_occluders() {
-    let block = shapes::cuboid(DVec3::new(0.2, 0.2, 0.0), DVec3::new(0.5, 0.6, 0.5), 2);
+    let block = shapes::cuboid(DVec3::new(0.2, 0.2, 0.1), DVec3::new(0.5, 0.6, 0.5), 2);
     let ball = shapes::icosphere(0.15, 3).translated(DVec3::new(0.7, 0.4, 0.6));
     let leaf = shapes::quad(DVec3::new(0.3, 0.8, 0.2), DVec3::X * 0.4, DVec3::Z * 0.5, 1);
     // One mesh each side count: every part is above the share of area below which emitters are aimed at.

@@ -12,9 +12,10 @@ use crate::shapes::points_on;
 /// Bakes a scene for a relative error target; all randomness hangs on seed 1.
 pub fn solve(scene: Scene, error: f64) -> Model {
     let (model, report) = build(scene, &Plan::new(error, 1), None, &Silent).expect("nothing interrupts");
-    assert!(report.iterate.converged, "residual {}", report.iterate.residual);
     let counts = (model.sites.len(), model.receivers.len());
-    println!("{} sites, {} receivers, estimate {:.3} %", counts.0, counts.1, 100.0 * report.estimate.error);
+    let (products, estimate) = (report.iterate.iterations, 100.0 * report.estimate.error);
+    println!("{} sites, {} receivers, {products} products, estimate {estimate:.3} %", counts.0, counts.1);
+    assert!(report.iterate.converged, "residual {}", report.iterate.residual);
     model
 }
 
