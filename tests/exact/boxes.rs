@@ -27,7 +27,7 @@ fn cube_face_means() {
         let means: Vec<f64> = (0..6).map(|face| irradiance(&model, face, 4096).mean()).collect();
         let wall = means[..4].iter().sum::<f64>() / 4.0;
         let title = |face: &str| format!("{face} at {}/{}", solved.albedo, solved.ceiling_albedo);
-        // The 0.5 %. A face holds hundreds of rows of 0.7 % noise (4e-4 in the mean), eight points a
+        // 0.5 % is asked for. A face holds hundreds of rows of 0.7 % noise (4e-4 in the mean), eight points a
         // triangle sample the means to 2e-4 of their range, and interpolation at creases, B ~ r^0.76, adds the rest.
         within(&title("wall"), solved.albedo * wall, solved.wall, 5e-3);
         within(&title("floor"), solved.albedo * means[4], solved.floor, 5e-3);

@@ -38,7 +38,7 @@ fn bumpy() -> Shape {
 /// stability suite allows, times ten for one ray in 10⁶ at ρ = 0.99 that slips out through a crease.
 const FLAT: f64 = 1e-3;
 
-/// On round surfaces gradients add their noise; the issue asks for 0.2 %.
+/// On round surfaces gradients add their noise; 0.2 % is asked for.
 const ROUND: f64 = 2e-3;
 
 #[test]
