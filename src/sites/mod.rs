@@ -105,7 +105,7 @@ struct Near {
 
 /// How far a site is looked for, in its own spacings: the nearest site of a covered point is within 1.2, a neighbour
 /// within [`neighbours::LINK_SPACINGS`].
-pub const REACH: f32 = 2.0;
+pub const REACH: f32 = 2.1;
 
 impl Sites {
     /// Sites from arrays that [`Sites::to_arrays`] gave, with the look-up built anew.

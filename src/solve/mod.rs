@@ -74,7 +74,7 @@ impl Problem<'_> {
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
         let mut solution = Solution { irradiance, radiosity, ..Solution::default() };
-        (solution.gradient, solution.sky_visibility) = self.gradients(&solution.radiosity);
+        (solution.gradient, solution.sky_visibility) = self.gradients(&solution.radiosity, &solution.irradiance);
         solution.surplus = self.surplus(&solution);
         solution.level = self.level(&irradiance_at_sites);
         (solution, report)
@@ -130,7 +130,7 @@ impl Problem<'_> {
     }
 
     /// Rotational gradients and sky visibility.
-    fn gradients(&self, radiosity: &[Rgb]) -> (Vec<Mat3>, Vec<f32>) {
+    fn gradients(&self, radiosity: &[Rgb], irradiance: &[Rgb]) -> (Vec<Mat3>, Vec<f32>) {
         let normals = |r: usize| self.receivers.index.supports()[r].point.normal;
         let rays = self.receivers.rows.rays as f32;
         let light = |direction: Vec3, met: u32| match met {
@@ -150,7 +150,8 @@ impl Problem<'_> {
                 let mut sum = Mat3::ZERO;
                 for (at, &met) in lattice.iter().zip(self.receivers.rows.row(r)) {
                     let direction = directions.at(*at);
-                    let b = light(direction, met);
+                    // Levers average to nothing, but for the lattice's noise: uniform light must not turn.
+                    let b = light(direction, met) - irradiance[r];
                     let cosine = direction.dot(normal);
                     let lever = (direction - normal * cosine) / cosine.max(FLATTEST);
                     sum += Mat3::from_cols(b * lever.x, b * lever.y, b * lever.z);
