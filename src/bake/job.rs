@@ -3,11 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::laws::Plan;
 use super::model::Model;
 use super::options::Options;
 use super::pictures;
-use super::pipeline;
+use super::pipeline::{self, Target};
 use super::progress::{Monitor, Stage};
 use super::store;
 use super::summary::{SUMMARY_FILE, Summary};
@@ -67,8 +66,7 @@ impl Job {
 /// [`Error::NoJob`] when there is none or it is not finished, [`Error::Damaged`] when a checksum fails.
 pub fn open(job: &Path) -> Result<Job> {
     let summary = Summary::read(job)?;
-    let options = stored_options(job)?.ok_or_else(|| Error::NoJob { job: job.to_path_buf() })?;
-    let model = store::read(job, &Plan::new(options.error, options.seed))?;
+    let model = store::read(job)?;
     Ok(Job { model, summary, directory: job.to_path_buf() })
 }
 
@@ -87,9 +85,10 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     scene.warnings.iter().for_each(|w| monitor.warn(&format!("{}: {}", w.file.display(), w.message)));
     let (triangles, vertices) = (scene.triangles.len() as u64, scene.vertices.len() as u64);
     let read = stage.finish();
-    let plan = Plan::new(options.error, options.seed);
     let bounces = options.max_bounces.map(|n| n as usize);
-    let (model, report) = pipeline::build(scene, &plan, bounces, monitor)?;
+    let target = Target { error: options.error, seed: options.seed, bounces };
+    let (model, _, report) = pipeline::reach(&scene, &target, monitor)?;
+    drop(scene);
     monitor.check()?;
     let stage = Stage::start(monitor, "store", "bytes", None);
     fs::create_dir_all(job).map_err(|e| Error::io(job, "making the job directory", e))?;

@@ -52,7 +52,7 @@ impl Plan {
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
-            judges: 200,
+            judges: 400,
         }
     }
 

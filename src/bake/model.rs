@@ -1,6 +1,8 @@
 //! A scene with everything a bake makes of it, in memory.
 
 use crate::geometry::triangle;
+use rayon::prelude::*;
+
 use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
@@ -8,7 +10,7 @@ use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
 use crate::rays::Bvh;
 use crate::scene::Scene;
-use crate::sites::{Cells, Neighbours, Plot, Sites};
+use crate::sites::{Cells, Neighbours, Plot, Samples, Sites};
 use crate::solve::field::FieldParams;
 use crate::solve::{Field, Problem, Solution};
 
@@ -44,22 +46,25 @@ pub struct Model {
     pub field: FieldParams,
 }
 
-/// Albedo and glowing exitance of every site.
-pub fn materials(scene: &Scene, sites: &Sites, glowing: &[bool]) -> (Vec<Rgb>, Vec<Rgb>) {
-    let mut albedo = Vec::with_capacity(sites.len());
-    let mut exitance = Vec::with_capacity(sites.len());
-    for s in 0..sites.len() {
-        let t = sites.triangles[s];
-        let [u, v] = sites.barycentrics[s];
-        albedo.push(scene.albedo(t, u, v));
+/// Albedo and glowing exitance of every site, averaged over the surface that it stands for.
+pub fn materials(scene: &Scene, sites: &Sites, samples: &Samples, glowing: &[bool]) -> (Vec<Rgb>, Vec<Rgb>) {
+    let at = |t: u32, [u, v]: [f32; 2]| {
         let mesh = scene.mesh_of(t);
-        exitance.push(if glowing[mesh] {
-            scene.meshes[mesh].radiance * std::f32::consts::PI
-        } else {
-            Rgb::ZERO
-        });
-    }
-    (albedo, exitance)
+        let glow = if glowing[mesh] { scene.meshes[mesh].radiance * std::f32::consts::PI } else { Rgb::ZERO };
+        (scene.albedo(t, u, v), glow)
+    };
+    let site = |s: usize| {
+        let points = samples.of(s);
+        if points.is_empty() {
+            return at(sites.triangles[s], sites.barycentrics[s]);
+        }
+        let sum = points
+            .iter()
+            .map(|c| at(c.triangle, c.barycentric))
+            .fold((Rgb::ZERO, Rgb::ZERO), |sum, (albedo, glow)| (sum.0 + albedo, sum.1 + glow));
+        (sum.0 / points.len() as f32, sum.1 / points.len() as f32)
+    };
+    (0..sites.len()).into_par_iter().map(site).unzip()
 }
 
 impl Model {

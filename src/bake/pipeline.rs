@@ -32,7 +32,52 @@ pub struct PipelineReport {
     pub estimate: Estimate,
 }
 
-/// Lays out sites and links by a plan and solves for the light once.
+/// What a bake is asked, as far as the stages know.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Relative RMS error of irradiance.
+    pub error: f64,
+    /// Keys every random number.
+    pub seed: u64,
+    /// Bounces of light; None until converged.
+    pub bounces: Option<usize>,
+}
+
+/// Rounds of refinement at the most.
+const ROUNDS: usize = 3;
+
+/// The first plan aims this much below the target, a plan that missed is followed by one this much tighter.
+const AIM: f64 = 0.8;
+
+/// Bakes by plans that tighten until the independent gather says that the target is met; also returns the last plan.
+pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(Model, Plan, PipelineReport)> {
+    let mut aim = AIM * target.error;
+    let mut spent = PipelineReport::default();
+    for round in 1.. {
+        let plan = Plan::new(aim, target.seed);
+        let (model, mut report) = build(scene.clone(), &plan, target.bounces, monitor)?;
+        report.rays += spent.rays;
+        spent.stages.append(&mut report.stages);
+        let reached = report.estimate.error;
+        if reached <= target.error || round == ROUNDS {
+            if reached > target.error {
+                let percent = |e: f64| format!("{:.2} %", 100.0 * e);
+                monitor.warn(&format!(
+                    "the target of {} was not reached: estimated error {}",
+                    percent(target.error),
+                    percent(reached)
+                ));
+            }
+            report.stages = spent.stages;
+            return Ok((model, plan, report));
+        }
+        spent.rays = report.rays;
+        aim *= (AIM * target.error / reached).clamp(0.4, AIM);
+    }
+    unreachable!("the last round returns")
+}
+
+/// Lays out sites and links by a plan, solves for the light once and judges the result.
 pub fn build(
     scene: Scene,
     plan: &Plan,
@@ -63,17 +108,17 @@ pub fn build(
             placement.radius_at(&at.point).filter(|_| placement.is_lit(&scene, at.triangle, at.back))?;
         Some((radius * plan.site_spacing).min(widest / share.max(1e-6).sqrt()))
     };
-    let (sites, plots) = Sites::scatter(&surface, &plan.sites, spacing);
+    let (sites, plots, samples) = Sites::scatter(&surface, &plan.sites, spacing);
     let (graph, linked) = Neighbours::link(&sites, &bvh);
     let cells = Cells::new(&surface, &plots);
     report.rays += linked.ray_count as u64;
     stage.advance(sites.len() as u64)?;
     report.stages.push(stage.finish());
 
-    let (albedo, exitance) = materials(&scene, &sites, &glowing);
+    let (albedo, exitance) = materials(&scene, &sites, &samples, &glowing);
     let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
     let stage = Stage::start(monitor, "direct", "lamps", Some(lamps.len() as u64));
-    let direct = Direct::look(around, &lamps, &plan.direct);
+    let direct = Direct::look(around, &samples, &lamps, &plan.direct);
     report.rays += direct.rays;
     stage.advance(lamps.len() as u64)?;
     report.stages.push(stage.finish());
@@ -129,7 +174,7 @@ fn solve(
 
 fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut PipelineReport)) -> Result<()> {
     let stage = Stage::start(monitor, "judge", "points", None);
-    let params = ValidateParams { points: plan.judges, rays: 1024, seed: plan.sites.seed ^ 0x1d9e };
+    let params = ValidateParams { points: plan.judges, rays: 512, seed: plan.sites.seed ^ 0x1d9e };
     report.estimate = validate::judge(&model.field(), &params);
     report.rays += report.estimate.rays;
     stage.advance(params.points as u64)?;

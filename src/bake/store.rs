@@ -4,15 +4,14 @@ use std::path::Path;
 
 use glam::{Mat3, Vec3};
 
-use super::laws::Plan;
-use super::model::{Model, materials};
+use super::model::Model;
 use super::pipeline::leaf_order;
 use super::record::{self, SceneRecord};
 use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::links::compress;
-use crate::links::direct::{Direct, LampView};
+use crate::links::direct::{Direct, DirectParams, LampView};
 use crate::links::lamps;
 use crate::links::receivers::{Receivers, Spread};
 use crate::links::rows::{RowSummary, Rows};
@@ -20,6 +19,7 @@ use crate::rays::Bvh;
 use crate::scatter::surface::{Piece, Surface};
 use crate::sites::{Cells, Neighbours, Plot, SiteArrays, SiteId, Sites};
 use crate::solve::Solution;
+use crate::solve::field::FieldParams;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
 
@@ -55,16 +55,15 @@ pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport>
     Ok(report)
 }
 
-/// Reads a model back; `plan` is the one it was made by.
-pub fn read(job: &Path, plan: &Plan) -> Result<Model> {
+/// Reads a model back.
+pub fn read(job: &Path) -> Result<Model> {
     let (scene, bvh) = read_scene(job)?;
     let (sites, graph, plots) = read_sites(job)?;
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
-    let (lamps, glowing) = lamps::split(&scene);
-    let (albedo, exitance) = materials(&scene, &sites, &glowing);
+    let (lamps, _) = lamps::split(&scene);
+    let (albedo, exitance) = read_materials(job, &sites)?;
     let (direct, receivers, spread) = read_links(job, &sites, lamps.len())?;
-    let solution = read_light(job, &receivers, &sites)?;
-    let field = plan.field();
+    let (solution, field) = read_light(job, &receivers, &sites)?;
     Ok(Model {
         scene,
         bvh,
@@ -161,7 +160,9 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     let (offsets, neighbours, unclean) = model.graph.to_arrays();
     w.append(tag("graph_at"), all.clone(), offsets)?;
     w.append(tag("graph_to"), all.clone(), neighbours)?;
-    w.append(tag("unclean"), all, &unclean)?;
+    w.append(tag("unclean"), all.clone(), &unclean)?;
+    w.append(tag("albedo"), all.clone(), &model.albedo)?;
+    w.append(tag("exitance"), all, &model.exitance)?;
     finish(w, report)
 }
 
@@ -204,12 +205,21 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
     Ok((Sites::from_arrays(arrays), graph, plots))
 }
 
+fn read_materials(job: &Path, sites: &Sites) -> Result<(Vec<Vec3>, Vec<Vec3>)> {
+    let archive = open(job, "sites")?;
+    let (albedo, exitance) = (archive.array::<Vec3>(tag("albedo"))?, archive.array::<Vec3>(tag("exitance"))?);
+    same_length(&archive, "albedo", albedo, sites.len())?;
+    same_length(&archive, "exitance", exitance, sites.len())?;
+    Ok((albedo.to_vec(), exitance.to_vec()))
+}
+
 fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
     let sites = 0..model.sites.len() as u64;
     let mut w = create(job, "links", digests)?;
     for (k, view) in model.direct.views.iter().enumerate() {
         let lamp = k as u64..k as u64 + 1;
         w.append(tag("lamp_see"), lamp.clone(), &view.visibility)?;
+        w.append(tag("lamp_sum"), lamp.clone(), &view.coupling)?;
         let penumbra: Vec<u8> = view.penumbra.iter().map(|&p| u8::from(p)).collect();
         w.append(tag("lamp_mix"), lamp, &penumbra)?;
     }
@@ -249,12 +259,15 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
 fn read_links(job: &Path, sites: &Sites, lamps: usize) -> Result<(Direct, Receivers, Spread)> {
     let archive = open(job, "links")?;
     let mut views = Vec::new();
-    for (see, mix) in archive.blocks(tag("lamp_see")).zip(archive.blocks(tag("lamp_mix"))) {
+    let blocks = archive.blocks(tag("lamp_see")).zip(archive.blocks(tag("lamp_sum")));
+    for ((see, sum), mix) in blocks.zip(archive.blocks(tag("lamp_mix"))) {
+        let coupling = sum.array::<f32>()?.to_vec();
+        same_length(&archive, "lamp_sum", &coupling, sites.len())?;
         let visibility = see.array::<f32>()?.to_vec();
         let penumbra: Vec<bool> = mix.array::<u8>()?.iter().map(|&p| p != 0).collect();
         same_length(&archive, "lamp_see", &visibility, sites.len())?;
         same_length(&archive, "lamp_mix", &penumbra, sites.len())?;
-        views.push(LampView { visibility, penumbra });
+        views.push(LampView { visibility, coupling, penumbra });
     }
     same_length(&archive, "lamp_see", &views, lamps)?;
     let spread = Spread {
@@ -339,26 +352,37 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("gradient"), receivers.clone(), &gradient)?;
     w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
     w.append(tag("surplus"), receivers, &s.surplus)?;
-    w.append(tag("level"), 0..1, &[s.level])?;
+    let FieldParams { direct, rays, doubt } = model.field;
+    let seed = [direct.seed as u32, (direct.seed >> 32) as u32];
+    w.append(tag("level"), 0..1, &[s.level, doubt])?;
+    w.append(tag("field"), 0..1, &[direct.first, direct.penumbra, seed[0], seed[1], rays])?;
     w.append(tag("radiosit"), 0..s.radiosity.len() as u64, &s.radiosity)?;
     finish(w, report)
 }
 
-fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<Solution> {
+fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solution, FieldParams)> {
     let archive = open(job, "light")?;
     let gradient: &[[f32; 9]] = archive.array(tag("gradient"))?;
+    let &[level, doubt] = archive.array::<f32>(tag("level"))? else {
+        return Err(damaged(&archive, "level", "expected two entries"));
+    };
+    let &[first, penumbra, low, high, rays] = archive.array::<u32>(tag("field"))? else {
+        return Err(damaged(&archive, "field", "expected five entries"));
+    };
+    let seed = u64::from(high) << 32 | u64::from(low);
+    let field = FieldParams { direct: DirectParams { first, penumbra, seed }, rays, doubt };
     let solution = Solution {
         irradiance: archive.array(tag("irradian"))?.to_vec(),
         gradient: gradient.iter().map(Mat3::from_cols_array).collect(),
         sky_visibility: archive.array(tag("sky_seen"))?.to_vec(),
         surplus: archive.array(tag("surplus"))?.to_vec(),
         radiosity: archive.array(tag("radiosit"))?.to_vec(),
-        level: archive.array::<f32>(tag("level"))?.first().copied().unwrap_or(0.0),
+        level,
     };
     same_length(&archive, "irradian", &solution.irradiance, receivers.len())?;
     same_length(&archive, "gradient", &solution.gradient, receivers.len())?;
     same_length(&archive, "sky_seen", &solution.sky_visibility, receivers.len())?;
     same_length(&archive, "surplus", &solution.surplus, receivers.len())?;
     same_length(&archive, "radiosit", &solution.radiosity, sites.len())?;
-    Ok(solution)
+    Ok((solution, field))
 }

@@ -13,7 +13,7 @@ use super::lamps::Lamp;
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::Rgb;
 use crate::rays::Bvh;
-use crate::sites::SiteId;
+use crate::sites::{Samples, SiteId};
 
 /// How many shadow rays a lamp gets.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,6 +31,8 @@ pub struct DirectParams {
 pub struct LampView {
     /// Visible share of the lamp per site; NaN where the lamp is below the horizon.
     pub visibility: Vec<f32>,
+    /// Unoccluded irradiance per unit of the lamp's strength, averaged over the surface that the site stands for.
+    pub coupling: Vec<f32>,
     /// Whether visibility varies around the site, so that points near it need rays of their own.
     pub penumbra: Vec<bool>,
 }
@@ -49,24 +51,20 @@ const DIFFERENCE: f32 = 0.02;
 
 impl Direct {
     /// Looks at every lamp from every site.
-    pub fn look(around: Surroundings<'_>, lamps: &[Lamp], params: &DirectParams) -> Self {
+    pub fn look(around: Surroundings<'_>, samples: &Samples, lamps: &[Lamp], params: &DirectParams) -> Self {
         let rays = AtomicU64::new(0);
         let views = lamps
             .iter()
             .enumerate()
-            .map(|(k, lamp)| look_at(around, lamp, &params.keyed(k), &rays))
+            .map(|(k, lamp)| look_at((around, samples), lamp, &params.keyed(k), &rays))
             .collect();
         Self { views, rays: rays.into_inner() }
     }
 
-    /// Direct irradiance at a site.
-    pub fn at_site(&self, lamps: &[Lamp], site: usize, point: &SurfacePoint) -> Rgb {
-        let seen = |view: &LampView| Some(view.visibility[site]).filter(|v| *v > 0.0);
-        self.views
-            .iter()
-            .zip(lamps)
-            .filter_map(|(view, lamp)| seen(view).map(|v| lamp.strength * (v * lamp.coupling(point))))
-            .sum()
+    /// Direct irradiance of the surface that a site stands for.
+    pub fn at_site(&self, lamps: &[Lamp], site: usize) -> Rgb {
+        let seen = |view: &LampView| Some(view.visibility[site] * view.coupling[site]).filter(|v| *v > 0.0);
+        self.views.iter().zip(lamps).filter_map(|(view, lamp)| seen(view).map(|v| lamp.strength * v)).sum()
     }
 
     /// Direct irradiance at any point, given the site that speaks for it; `key` decorrelates the shadow rays.
@@ -130,7 +128,12 @@ fn adaptive(
     lamp.visibility(at, bvh, params.penumbra, shift).unwrap_or(0.0)
 }
 
-fn look_at(around: Surroundings<'_>, lamp: &Lamp, params: &DirectParams, rays: &AtomicU64) -> LampView {
+fn look_at(
+    (around, samples): (Surroundings<'_>, &Samples),
+    lamp: &Lamp,
+    params: &DirectParams,
+    rays: &AtomicU64,
+) -> LampView {
     let sites = around.sites;
     let see = |site: usize, count: u32| -> f32 {
         let at = sites.point(SiteId(site as u32));
@@ -156,5 +159,13 @@ fn look_at(around: Surroundings<'_>, lamp: &Lamp, params: &DirectParams, rays: &
         if again { see(s, params.penumbra) } else { first[s] }
     };
     let visibility = (0..sites.len()).into_par_iter().map(refined).collect();
-    LampView { visibility, penumbra }
+    let average = |s: usize| {
+        let points = samples.of(s);
+        if points.is_empty() {
+            return lamp.coupling(&sites.point(SiteId(s as u32)));
+        }
+        points.iter().map(|c| lamp.coupling(&c.point)).sum::<f32>() / points.len() as f32
+    };
+    let coupling = (0..sites.len()).into_par_iter().map(average).collect();
+    LampView { visibility, coupling, penumbra }
 }

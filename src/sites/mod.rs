@@ -15,6 +15,7 @@ use crate::scatter::surface::Piece;
 
 pub use cells::{Cells, Ground};
 pub use neighbours::Neighbours;
+pub use scatter::Samples;
 
 /// The index of a site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]

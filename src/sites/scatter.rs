@@ -13,7 +13,7 @@ use crate::scatter::thin::Darts;
 const DEEPEST: u32 = 20;
 
 /// Points of a piece that decide which sites its area goes to.
-const AREA_POINTS: u32 = 8;
+const AREA_POINTS: u32 = 24;
 
 /// A candidate that became a site.
 struct Kept {
@@ -31,7 +31,7 @@ impl Sites {
         surface: &Surface<'_>,
         params: &SiteParams,
         wanted: impl Fn(&Candidate) -> Option<f32> + Sync,
-    ) -> (Self, Vec<Plot>) {
+    ) -> (Self, Vec<Plot>, Samples) {
         let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
         let mut growth = Growth::new(surface, first, params.seed);
         let mut kept: Vec<Kept> = Vec::new();
@@ -57,8 +57,8 @@ impl Sites {
         let spacings: Vec<f32> =
             kept.par_iter().map(|k| Some(plot_of(k)).filter(|&s| s > 0.0).unwrap_or(k.spacing)).collect();
         let mut sites = Self::from_arrays(in_order(&kept, &spacings));
-        sites.areas = areas(&sites, surface, &plots, params.seed);
-        (sites, plots)
+        let samples = share(&mut sites, surface, &plots, params.seed);
+        (sites, plots, samples)
     }
 }
 
@@ -123,21 +123,48 @@ fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
     arrays
 }
 
-/// Every piece's area goes to the sites nearest to a few of its points.
-fn areas(sites: &Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> Vec<f32> {
-    let shares: Vec<(f32, Vec<SiteId>)> = plots
+/// Points of the surface by the site that stands for them.
+#[derive(Debug, Clone, Default)]
+pub struct Samples {
+    /// Sites + 1 offsets.
+    offsets: Vec<u32>,
+    points: Vec<Candidate>,
+}
+
+impl Samples {
+    /// The points that a site stands for; few, sometimes none.
+    pub fn of(&self, site: usize) -> &[Candidate] {
+        &self.points[self.offsets[site] as usize..self.offsets[site + 1] as usize]
+    }
+}
+
+/// Every piece's area goes to the sites nearest to a few of its points; says which points.
+fn share(sites: &mut Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> Samples {
+    let served: Vec<(f32, Vec<(SiteId, Candidate)>)> = plots
         .par_iter()
         .filter(|plot| plot.spacing > 0.0)
         .map(|plot| {
-            let point = |i| surface.candidate((0, &plot.piece), (i, AREA_POINTS), seed ^ 0xa2ea).point;
-            (plot.piece.area, (0..AREA_POINTS).filter_map(|i| sites.nearest(&point(i))).collect())
+            let point = |i| surface.candidate((0, &plot.piece), (i, AREA_POINTS), seed ^ 0xa2ea);
+            let serve = |c: Candidate| sites.nearest(&c.point).map(|site| (site, c));
+            (plot.piece.area, (0..AREA_POINTS).map(point).filter_map(serve).collect())
         })
         .collect();
     let mut sums = vec![0.0f64; sites.len()];
-    for (area, served) in &shares {
-        for site in served {
-            sums[site.index()] += f64::from(*area) / served.len() as f64;
+    let mut offsets = vec![0u32; sites.len() + 1];
+    for (area, points) in &served {
+        for (site, _) in points {
+            sums[site.index()] += f64::from(*area) / points.len() as f64;
+            offsets[site.index() + 1] += 1;
         }
     }
-    sums.into_iter().map(|a| a as f32).collect()
+    (0..sites.len()).for_each(|i| offsets[i + 1] += offsets[i]);
+    let mut next = offsets.clone();
+    let total = *offsets.last().unwrap_or(&0) as usize;
+    let mut points: Vec<Option<Candidate>> = vec![None; total];
+    for (site, candidate) in served.into_iter().flat_map(|s| s.1) {
+        points[next[site.index()] as usize] = Some(candidate);
+        next[site.index()] += 1;
+    }
+    sites.areas = sums.into_iter().map(|a| a as f32).collect();
+    Samples { offsets, points: points.into_iter().flatten().collect() }
 }

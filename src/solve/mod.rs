@@ -16,7 +16,6 @@ use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
 use crate::links::rows::{self, Directions, FIRST_MARK, LOST, SKY};
 use crate::scene::Sky;
-use crate::sites::SiteId;
 use iterate::{IterateParams, IterateReport};
 use transport::Transport;
 
@@ -74,7 +73,8 @@ impl Problem<'_> {
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
         let mut solution = Solution { irradiance, radiosity, ..Solution::default() };
-        (solution.gradient, solution.sky_visibility) = self.gradients(&solution.radiosity, &solution.irradiance);
+        (solution.gradient, solution.sky_visibility) =
+            self.gradients(&solution.radiosity, &solution.irradiance);
         solution.surplus = self.surplus(&solution);
         solution.level = self.level(&irradiance_at_sites);
         (solution, report)
@@ -84,10 +84,7 @@ impl Problem<'_> {
     fn unreflected(&self) -> Vec<Rgb> {
         (0..self.around.sites.len())
             .into_par_iter()
-            .map(|site| {
-                let point = self.around.sites.point(SiteId(site as u32));
-                self.exitance[site] + self.albedo[site] * self.direct.at_site(self.lamps, site, &point)
-            })
+            .map(|site| self.exitance[site] + self.albedo[site] * self.direct.at_site(self.lamps, site))
             .collect()
     }
 
@@ -109,8 +106,7 @@ impl Problem<'_> {
     fn level(&self, indirect: &[Rgb]) -> f32 {
         let (mut sum, mut weight) = (0.0, 0.0);
         for (site, exchange) in self.exchange().into_iter().enumerate() {
-            let point = self.around.sites.point(SiteId(site as u32));
-            let light = indirect[site] + self.direct.at_site(self.lamps, site, &point);
+            let light = indirect[site] + self.direct.at_site(self.lamps, site);
             if light.max_element() > 0.0 {
                 sum += exchange * f64::from(crate::light::mean_channel(light));
                 weight += exchange;
