@@ -76,7 +76,7 @@ pub enum Error {
         holder: String,
     },
     /// A checksum or invariant of an archive fails.
-    #[error("{}: {place}: {problem}; run `glowtree verify --repair` on the job", file.display())]
+    #[error("{}: {place}: {problem}; bake again with --restart", file.display())]
     Damaged {
         /// The archive file.
         file: PathBuf,
@@ -96,7 +96,7 @@ pub enum Error {
         residual: f64,
     },
     /// A signal asked the program to stop; the job is resumable.
-    #[error("interrupted by {signal}; run the same command again to resume", signal = if *terminated { "SIGTERM" } else { "SIGINT" })]
+    #[error("interrupted by {signal}; run the same command again", signal = if *terminated { "SIGTERM" } else { "SIGINT" })]
     Interrupted {
         /// SIGTERM rather than SIGINT.
         terminated: bool,

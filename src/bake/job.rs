@@ -7,10 +7,10 @@ use super::model::Model;
 use super::options::Options;
 use super::pictures;
 use super::pipeline::{self, Target};
-use super::progress::{Monitor, Stage};
+use super::report::progress::{Monitor, Stage};
+use super::report::summary::{SUMMARY_FILE, Summary};
+use super::report::usage::Meter;
 use super::store;
-use super::summary::{SUMMARY_FILE, Summary};
-use super::usage::Meter;
 use crate::archive::{Digest, Digests};
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
@@ -20,6 +20,9 @@ use crate::solve::Irradiance;
 
 /// The file within the job directory that says what the job was asked.
 const OPTIONS_FILE: &str = "options.json";
+
+/// The file within the job directory that says what the job was made from.
+const INPUTS_FILE: &str = "inputs.json";
 
 /// A finished job, open for questions.
 pub struct Job {
@@ -77,12 +80,13 @@ pub fn open(job: &Path) -> Result<Job> {
 /// writing the job.
 pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monitor) -> Result<Summary> {
     let meter = Meter::start();
-    if let Some(summary) = finished(job, options)? {
+    if let Some(summary) = finished(job, scene_path, options)? {
         return Ok(Summary { resumed_blocks: summary.computed_blocks, computed_blocks: 0, ..summary });
     }
     let stage = Stage::start(monitor, "scene", "files", None);
     let scene = scene::load(scene_path)?;
     scene.warnings.iter().for_each(|w| monitor.warn(&format!("{}: {}", w.file.display(), w.message)));
+    let inputs = inputs(scene_path, &scene)?;
     let (triangles, vertices) = (scene.triangles.len() as u64, scene.vertices.len() as u64);
     let read = stage.finish();
     let bounces = options.max_bounces.map(|n| n as usize);
@@ -92,17 +96,16 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     monitor.check()?;
     let stage = Stage::start(monitor, "store", "bytes", None);
     fs::create_dir_all(job).map_err(|e| Error::io(job, "making the job directory", e))?;
-    write_options(job, options)?;
-    let digests = Digests { inputs: Digest::of_file(scene_path)?, options: Digest::of_options(options)? };
+    write_json(job, OPTIONS_FILE, options)?;
+    write_json(job, INPUTS_FILE, &inputs)?;
+    let digests = Digests { inputs: Digest::of_options(&inputs)?, options: Digest::of_options(options)? };
     let stored = store::write(&model, job, digests)?;
     monitor.disk(stored.archive_bytes);
     let mut stages = vec![read];
     stages.extend(report.stages);
     stages.push(stage.finish());
     if options.preview {
-        let field = model.field();
-        let evaluate = |points: &[SurfacePoint]| field.evaluate(points);
-        stages.extend(pictures::write(job, (&model.scene, &model.bvh), &evaluate, monitor)?);
+        stages.extend(pictures::write(job, &model, monitor)?);
     }
     let links = model.receivers.rows.met.len() as u64;
     let mut summary = Summary {
@@ -128,24 +131,47 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     Ok(summary)
 }
 
-/// The summary of the job, if it is finished and was asked the same.
-fn finished(job: &Path, options: &Options) -> Result<Option<Summary>> {
-    let Some(stored) = stored_options(job)? else { return Ok(None) };
+/// The files a scene was read from, the one asked for first, with their digests.
+fn inputs(scene_path: &Path, scene: &Scene) -> Result<Vec<(PathBuf, String)>> {
+    let mut files = vec![scene_path.to_path_buf()];
+    for mesh in &scene.meshes {
+        if !files.contains(&mesh.file) {
+            files.push(mesh.file.clone());
+        }
+    }
+    files.into_iter().map(|file| Digest::of_file(&file).map(|digest| (file, digest.to_string()))).collect()
+}
+
+/// The summary of the job, if it is finished and was asked the same of the same files.
+fn finished(job: &Path, scene_path: &Path, options: &Options) -> Result<Option<Summary>> {
+    let Some(stored) = read_json::<Options>(job, OPTIONS_FILE)? else { return Ok(None) };
     if options.restart {
         return Ok(None);
     }
+    let differs = |difference: String| Error::JobDiffers { job: job.to_path_buf(), difference };
     if let Some(difference) = options.difference(&stored) {
-        return Err(Error::JobDiffers { job: job.to_path_buf(), difference });
+        return Err(differs(difference));
+    }
+    let made_from = read_json::<Vec<(PathBuf, String)>>(job, INPUTS_FILE)?.unwrap_or_default();
+    if let Some((first, digest)) = made_from.first()
+        && Digest::of_file(scene_path)?.to_string() != *digest
+    {
+        return Err(differs(format!("the scene was {}, now {}", first.display(), scene_path.display())));
+    }
+    for (file, digest) in made_from.iter().skip(1) {
+        if Digest::of_file(file)?.to_string() != *digest {
+            return Err(differs(format!("{} has changed", file.display())));
+        }
     }
     if job.join(SUMMARY_FILE).exists() { Summary::read(job).map(Some) } else { Ok(None) }
 }
 
-fn stored_options(job: &Path) -> Result<Option<Options>> {
-    let path = job.join(OPTIONS_FILE);
+fn read_json<T: serde::de::DeserializeOwned>(job: &Path, name: &str) -> Result<Option<T>> {
+    let path = job.join(name);
     let text = match fs::read(&path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io(path, "reading the options", e)),
+        Err(e) => return Err(Error::io(path, "reading", e)),
     };
     serde_json::from_slice(&text).map(Some).map_err(|e| Error::Damaged {
         file: path,
@@ -154,8 +180,8 @@ fn stored_options(job: &Path) -> Result<Option<Options>> {
     })
 }
 
-fn write_options(job: &Path, options: &Options) -> Result<()> {
-    let path = job.join(OPTIONS_FILE);
-    let text = serde_json::to_vec_pretty(options).unwrap_or_default();
-    fs::write(&path, text).map_err(|e| Error::io(path, "writing the options", e))
+fn write_json(job: &Path, name: &str, value: &impl serde::Serialize) -> Result<()> {
+    let path = job.join(name);
+    let text = serde_json::to_vec_pretty(value).map_err(|e| Error::io(&path, "writing", e.into()))?;
+    fs::write(&path, text).map_err(|e| Error::io(&path, "writing", e))
 }

@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use super::progress::{Monitor, Stage};
-use super::summary::StageTime;
+use super::report::progress::{Monitor, Stage};
+use super::report::summary::StageTime;
+use crate::bake::model::Model;
 use crate::error::Result;
 use crate::output::picture::{Quality, frame, png, render};
-use crate::output::{Evaluate, ply};
-use crate::rays::Bvh;
-use crate::scene::Scene;
+use crate::output::ply;
 
 /// The lit mesh within the job.
 pub const MESH_FILE: &str = "mesh.ply";
@@ -30,22 +29,23 @@ pub fn present(job: &Path) -> bool {
 /// As [`super::open`] and [`write()`].
 pub fn of_job(job: &Path, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
     let opened = super::open(job)?;
-    let evaluate = |points: &[_]| opened.evaluate(points);
-    write(job, (opened.scene(), opened.bvh()), &evaluate, monitor)
+    write(job, opened.model(), monitor)
 }
 
 /// Writes both files into the job directory and says what they took.
 ///
 /// # Errors
 /// Input/output errors, and [`crate::Error::Interrupted`].
-pub fn write(
-    job: &Path,
-    (scene, bvh): (&Scene, &Bvh),
-    evaluate: &Evaluate<'_>,
-    monitor: &dyn Monitor,
-) -> Result<Vec<StageTime>> {
+pub fn write(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
+    let (scene, bvh) = (&model.scene, &model.bvh);
+    let field = model.field();
+    let mut quick = field;
+    // The eye forgives more than the target, and a point that gathers costs a hundred that do not.
+    quick.params.doubt = f32::INFINITY;
     let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
-    ply::export(&job.join(MESH_FILE), scene, evaluate, &|vertices| stage.advance(vertices))?;
+    ply::export(&job.join(MESH_FILE), scene, &|points: &[_]| field.evaluate(points), &|vertices| {
+        stage.advance(vertices)
+    })?;
     let mesh = stage.finish();
     let view = match scene.cameras.first() {
         Some(camera) => crate::output::picture::View { camera: camera.clone(), see_through: false },
@@ -53,7 +53,8 @@ pub fn write(
     };
     let [width, height] = view.camera.size;
     let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
-    let film = render(scene, bvh, evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
+    let evaluate = |points: &[_]| quick.evaluate(points);
+    let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
     Ok(vec![mesh, stage.finish()])
 }

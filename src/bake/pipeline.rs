@@ -2,8 +2,8 @@
 
 use super::laws::Plan;
 use super::model::{Model, materials};
-use super::progress::{Monitor, Stage};
-use super::summary::StageTime;
+use super::report::progress::{Monitor, Stage};
+use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -11,7 +11,7 @@ use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps;
 use crate::links::receivers::{Placement, Receivers, Sources, Spread};
-use crate::rays::Bvh;
+use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
@@ -184,5 +184,5 @@ fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut Pipe
 
 /// The triangles as the ray engine's leaves hold them: a spatially coherent order, without those no ray can meet.
 pub fn leaf_order(bvh: &Bvh) -> impl Iterator<Item = u32> + '_ {
-    bvh.view().packets().iter().flat_map(|packet| packet.triangles())
+    bvh.view().packets().iter().flat_map(Packet::triangles)
 }

@@ -6,7 +6,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use super::values;
 
-/// Diffuse global illumination for scenes bigger than memory.
+/// Diffuse global illumination by meshless hierarchical radiosity.
 #[derive(Debug, Parser)]
 #[command(name = "glowtree", version, arg_required_else_help = true, propagate_version = true)]
 pub struct Arguments {
@@ -89,7 +89,7 @@ pub enum Verb {
     Man,
 }
 
-const EXIT_CODES: &str = "Interrupted, or out of disk, the same command again resumes.\n\
+const EXIT_CODES: &str = "Interrupted, or out of disk, the same command again begins the bake anew; finished jobs are kept.\n\
     Exit codes: 0 done, 1 other error, 2 usage, 3 job exists with other inputs or options, 4 input invalid, \
     6 over --max-memory, 7 disk full, 8 input/output error, 9 archive damaged, 10 no such job, 11 job locked, \
     12 not converged, 130/143 interrupted.";
@@ -112,7 +112,7 @@ pub struct Bake {
     #[arg(long, value_name = "SHARE", default_value = "2%", value_parser = values::share)]
     pub error: f64,
     /// Anonymous memory to stay within, as 4GiB, 500MB or bytes
-    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
+    #[arg(long, value_name = "SIZE", value_parser = values::bytes, hide = true)]
     pub max_memory: Option<u64>,
     /// Follow light over at most N reflections [default: until converged]
     #[arg(long, value_name = "N")]

@@ -74,6 +74,9 @@ pub struct Sources<'a> {
     pub sky: bool,
 }
 
+/// A side of a mesh with fewer receivers than this is never taken for dark.
+const ENOUGH_TO_TELL: u32 = 8;
+
 /// Light's way is followed once this many receivers know what they see; sides it does not reach get no more.
 const ENOUGH_TO_FOLLOW: usize = 250;
 
@@ -151,6 +154,12 @@ impl Placement {
             if lit == before {
                 break;
             }
+        }
+        // A side that holds too few receivers to tell stays lit.
+        let mut told = vec![[0; 2]; lit.len()];
+        (0..self.places.len()).map(own).for_each(|(mesh, side)| told[mesh][side] += 1);
+        for (lit, told) in lit.iter_mut().zip(&told) {
+            (0..2).for_each(|side| lit[side] |= told[side] < ENOUGH_TO_TELL);
         }
         self.lit = lit;
     }

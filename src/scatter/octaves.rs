@@ -69,11 +69,14 @@ impl Octaves {
     }
 }
 
+/// First and last entry by cell.
+type Runs = HashMap<u64, (u32, u32), BuildHasherDefault<Passing>>;
+
 /// Spheres that stay: as [`Octaves`], with what a visitor reads laid out cell by cell.
 #[derive(Default, Clone)]
 pub struct Frozen<T> {
-    /// (cell edge, first and last entry by cell), finest first.
-    grids: Vec<(f32, HashMap<u64, (u32, u32), BuildHasherDefault<Passing>>)>,
+    /// (cell edge, entries by cell), finest first.
+    grids: Vec<(f32, Runs)>,
     entries: Vec<T>,
 }
 

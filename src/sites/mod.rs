@@ -206,6 +206,6 @@ impl Near {
         }
         let cosine = self.normal.dot(point.normal);
         let offset = d.dot(self.normal + point.normal);
-        (cosine > 0.0).then(|| square + offset * offset + 4.0 * h2 * (1.0 - cosine))
+        (cosine > 0.0).then_some(square + offset * offset + 4.0 * h2 * (1.0 - cosine))
     }
 }

@@ -43,8 +43,8 @@ pub struct FieldParams {
     pub doubt: f32,
 }
 
-/// Fits of fewer receivers than this (five unknowns) are not trusted.
-pub const FEWEST: usize = 5;
+/// Fits of fewer receivers than this are not trusted.
+pub const FEWEST: usize = 3;
 
 /// A site's shadows speak for points whose normals' cosine with its own is at least this (18°).
 const SAME_TURN: f32 = 0.95;
@@ -82,7 +82,6 @@ impl Field<'_> {
         match fit(problem.receivers, point, near) {
             Some(weights) => {
                 let blended = self.blend(point, near, &weights, direct);
-                // Not a number where receivers vouch for nothing.
                 let trusted = blended.error <= self.params.doubt * self.solution.level;
                 if trusted { blended } else { self.gather(point, direct) }
             }

@@ -57,6 +57,9 @@ pub struct Solution {
     pub level: f32,
 }
 
+/// The surplus of a receiver with too few others around it: huge, but its square is finite.
+const UNKNOWN: f32 = 1.0e18;
+
 /// Rays flatter than this cosine count as this flat in gradients (1/cos would let a few rays rule).
 const FLATTEST: f32 = 0.4;
 
@@ -192,11 +195,11 @@ impl Problem<'_> {
                 let at = self.receivers.index.supports()[r].point;
                 // Too few others to tell: the receiver vouches for nothing around it.
                 if others.len() < field::FEWEST {
-                    return f32::INFINITY;
+                    return UNKNOWN;
                 }
                 match field::interpolate(self.receivers, solution, &at, &others) {
                     Some(fit) => (crate::light::mean_channel(fit - solution.irradiance[r])).abs(),
-                    None => f32::INFINITY,
+                    None => UNKNOWN,
                 }
             })
             .collect()

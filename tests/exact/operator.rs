@@ -9,7 +9,6 @@ use glowtree::geometry::hash;
 use glowtree::light::Rgb;
 use glowtree::links::dense;
 use glowtree::scene::Scene;
-use glowtree::sites::SiteId;
 use glowtree::solve::iterate::IterateParams;
 use glowtree::solve::transport::Transport;
 
@@ -61,10 +60,8 @@ fn the_product_is_the_dense_matrix() {
 
 /// Radiosity before any interreflection and the irradiance it sends to the receivers, from the parts alone.
 fn first_light(model: &Model) -> Vec<Rgb> {
-    let own = |site: usize| {
-        let at = model.sites.point(SiteId(site as u32));
-        model.exitance[site] + model.albedo[site] * model.direct.at_site(&model.lamps, site, &at)
-    };
+    let own =
+        |site: usize| model.exitance[site] + model.albedo[site] * model.direct.at_site(&model.lamps, site);
     transport(model).gather(&(0..model.sites.len()).map(own).collect::<Vec<_>>())
 }
 

@@ -1,13 +1,14 @@
 //! A model as files of a job, and back.
 
+pub mod record;
+
 use std::path::Path;
 
 use glam::{Mat3, Vec3};
 
-use super::model::Model;
-use super::pipeline::leaf_order;
-use super::record::{self, SceneRecord};
 use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
+use crate::bake::model::Model;
+use crate::bake::pipeline::leaf_order;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::links::compress;
@@ -22,6 +23,7 @@ use crate::solve::Solution;
 use crate::solve::field::FieldParams;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
+use record::SceneRecord;
 
 /// Rows per block of links.
 const BLOCK_ROWS: usize = 4096;
