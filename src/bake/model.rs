@@ -58,11 +58,13 @@ pub fn materials(scene: &Scene, sites: &Sites, samples: &Samples, glowing: &[boo
         if points.is_empty() {
             return at(sites.triangles[s], sites.barycentrics[s]);
         }
-        let sum = points
-            .iter()
-            .map(|c| at(c.triangle, c.barycentric))
-            .fold((Rgb::ZERO, Rgb::ZERO), |sum, (albedo, glow)| (sum.0 + albedo, sum.1 + glow));
-        (sum.0 / points.len() as f32, sum.1 / points.len() as f32)
+        let area: f32 = points.iter().map(|(_, part)| part).sum();
+        let mut sum = (Rgb::ZERO, Rgb::ZERO);
+        for (c, part) in points {
+            let (albedo, glow) = at(c.triangle, c.barycentric);
+            sum = (sum.0 + albedo * *part, sum.1 + glow * *part);
+        }
+        (sum.0 / area, sum.1 / area)
     };
     (0..sites.len()).into_par_iter().map(site).unzip()
 }

@@ -164,7 +164,8 @@ fn look_at(
         if points.is_empty() {
             return lamp.coupling(&sites.point(SiteId(s as u32)));
         }
-        points.iter().map(|c| lamp.coupling(&c.point)).sum::<f32>() / points.len() as f32
+        let area: f32 = points.iter().map(|(_, area)| area).sum();
+        points.iter().map(|(c, part)| lamp.coupling(&c.point) * part).sum::<f32>() / area
     };
     let coupling = (0..sites.len()).into_par_iter().map(average).collect();
     LampView { visibility, coupling, penumbra }

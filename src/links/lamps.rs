@@ -11,6 +11,10 @@ use crate::light::Rgb;
 use crate::rays::{Bvh, Ray};
 use crate::scene::{LampKind, Scene};
 
+/// Large emitters of few triangles are lamps all the same, their form factors being exact, unless emitters make up this
+/// share of the scene's area: in a furnace every point sees them everywhere, and rows are exact.
+pub const LARGEST_ANALYTIC_SHARE: f64 = 0.6;
+
 /// Emissive meshes above this share of the scene's area are met by the rows' rays; those below are lamps.
 ///
 /// A row of 256 rays sees an emitter of 5 % of the surroundings with about 13 rays, whose lattice noise is a few
@@ -62,13 +66,16 @@ pub fn split(scene: &Scene) -> (Vec<Lamp>, Vec<bool>) {
     };
     let areas: Vec<f64> = scene.meshes.iter().map(|m| area_of(&m.triangles)).collect();
     let total: f64 = areas.iter().sum();
+    let emits = |k: usize| scene.meshes[k].radiance.max_element() > 0.0;
+    let emitting: f64 = (0..areas.len()).filter(|&k| emits(k)).map(|k| areas[k]).sum();
     let mut lamps = Vec::new();
     let mut glowing = vec![false; scene.meshes.len()];
     for (k, mesh) in scene.meshes.iter().enumerate() {
         if mesh.radiance.max_element() <= 0.0 {
             continue;
         }
-        if areas[k] > LARGEST_LAMP_SHARE * total {
+        let analytic = mesh.triangles.len() <= MOST_ANALYTIC && emitting < LARGEST_ANALYTIC_SHARE * total;
+        if areas[k] > LARGEST_LAMP_SHARE * total && !analytic {
             glowing[k] = true;
         } else if areas[k] > 0.0 {
             lamps.push(Lamp {

@@ -128,12 +128,13 @@ fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
 pub struct Samples {
     /// Sites + 1 offsets.
     offsets: Vec<u32>,
-    points: Vec<Candidate>,
+    /// The points, and the area that each stands for.
+    points: Vec<(Candidate, f32)>,
 }
 
 impl Samples {
-    /// The points that a site stands for; few, sometimes none.
-    pub fn of(&self, site: usize) -> &[Candidate] {
+    /// The points that a site stands for, each with its area; few, sometimes none.
+    pub fn of(&self, site: usize) -> &[(Candidate, f32)] {
         &self.points[self.offsets[site] as usize..self.offsets[site + 1] as usize]
     }
 }
@@ -160,10 +161,13 @@ fn share(sites: &mut Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) ->
     (0..sites.len()).for_each(|i| offsets[i + 1] += offsets[i]);
     let mut next = offsets.clone();
     let total = *offsets.last().unwrap_or(&0) as usize;
-    let mut points: Vec<Option<Candidate>> = vec![None; total];
-    for (site, candidate) in served.into_iter().flat_map(|s| s.1) {
-        points[next[site.index()] as usize] = Some(candidate);
-        next[site.index()] += 1;
+    let mut points: Vec<Option<(Candidate, f32)>> = vec![None; total];
+    for (area, members) in served {
+        let part = area / members.len() as f32;
+        for (site, candidate) in members {
+            points[next[site.index()] as usize] = Some((candidate, part));
+            next[site.index()] += 1;
+        }
     }
     sites.areas = sums.into_iter().map(|a| a as f32).collect();
     Samples { offsets, points: points.into_iter().flatten().collect() }
