@@ -15,7 +15,7 @@ pub fn factor(from: Shape, to: Shape) -> f64 {
     let (receiver, emitter) = if first <= second { (from, to) } else { (to, from) };
     let ratio = if first <= second { 1.0 } else { second / first };
     let parts = [part("emitter", emitter, 0.0).exitance(1.0), part("receiver", receiver, 0.0)];
-    let model = solve(shapes::scene(&parts), 0.01);
+    let model = solve(shapes::scene(&parts), BAKED_AT);
     irradiance(&model, 1, 4096).mean() * ratio
 }
 
@@ -41,8 +41,12 @@ impl Table {
     }
 }
 
-/// What is asked of every factor; the bakes aim at as much in every point, so that the mean must be better.
+/// What is asked of every factor.
 pub const FACTOR: f64 = 0.01;
+
+/// The bakes' target. Over seeds the factor of squares hinged at 120° has a standard deviation as large as the target, so
+/// that a bake at 0.4 % keeps it within 1 % at 2.5 of them.
+pub const BAKED_AT: f64 = 0.004;
 
 #[test]
 fn parallel_squares() {
