@@ -80,7 +80,7 @@ impl<'m> Stage<'m> {
         self.monitor.check()
     }
 
-    /// Stops the clock, tells the monitor and returns the entry for [`Summary::stages`](super::Summary::stages).
+    /// Stops the clock, tells the monitor and returns the entry for [`Summary::stages`](super::summary::Summary::stages).
     pub fn finish(self) -> StageTime {
         let time = StageTime {
             name: self.name.to_owned(),
