@@ -1,4 +1,4 @@
-//! Receivers: the few sites that carry rows of their own, as dense as the light's variation asks.
+//! Receivers: the points that carry rows of their own, placed before the sites and by geometry alone.
 //!
 //! This work is based on: Ward, Rubinstein and Clear, "A Ray Tracing Solution for Diffuse Interreflection", 1988, and
 //! Tabellion and Lamorlette 2004 (clamping the harmonic mean). We divide by the rays that hit, not by all: in open
