@@ -15,6 +15,10 @@ pub struct Plan {
     pub site_spacing: f32,
     /// Upper limit of the sites' spacing over the smallest radius of receivers.
     pub widest_spacing: f32,
+    /// Difference of the lamps' light within a site's spacing, over its mean, above which corners get denser sites.
+    pub variation: f32,
+    /// Corners get sites this much denser at the most, as a share of the spacing.
+    pub closest: f32,
     /// Lamp links.
     pub direct: DirectParams,
     /// Receivers and rows.
@@ -23,6 +27,10 @@ pub struct Plan {
     pub tolerance: f64,
     /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
     pub doubt: f32,
+    /// Relative RMS error that interpolation between receivers may make.
+    pub interpolation: f64,
+    /// Rounds of splitting receivers at the most.
+    pub passes: usize,
     /// Points that judge the result.
     pub judges: usize,
 }
@@ -37,6 +45,8 @@ impl Plan {
             sites: SiteParams { seed, ..SiteParams::default() },
             site_spacing: 0.5,
             widest_spacing: 3.0,
+            variation: 0.1,
+            closest: 0.25,
             direct: DirectParams {
                 first: if ease > 3.0 { 4 } else { 8 },
                 penumbra: (96.0 / ease).clamp(32.0, 512.0) as u32,
@@ -52,6 +62,8 @@ impl Plan {
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
+            interpolation: 0.5 * error,
+            passes: 5,
             judges: 400,
         }
     }

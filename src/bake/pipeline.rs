@@ -1,21 +1,20 @@
 //! The stages in their order, in memory: scene → sites → links → solution → judgement.
 
+use super::grading::Shine;
 use super::laws::Plan;
-use super::model::{Model, materials};
+use super::model::Model;
+use super::work::{Grounds, Layout, Work};
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
-use crate::links::Surroundings;
-use crate::links::direct::Direct;
 use crate::links::lamps;
 use crate::links::receivers::{Placement, Receivers, Sources, Spread};
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
-use crate::sites::{Cells, Neighbours, Sites};
 use crate::solve::Solution;
 use crate::solve::iterate::{IterateParams, IterateReport};
 
@@ -77,6 +76,9 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
     unreachable!("the last round returns")
 }
 
+/// Radii up to this many times the smallest belong to corners, whose true radius is smaller still.
+const CORNER: f32 = 1.5;
+
 /// Lays out sites and links by a plan, solves for the light once and judges the result.
 pub fn build(
     scene: Scene,
@@ -99,73 +101,65 @@ pub fn build(
     stage.advance(placement.places.len() as u64)?;
     report.stages.push(stage.finish());
 
+    let lit = placement.lit.clone();
+    let is_lit = |at: &Candidate| lit[scene.mesh_of(at.triangle)][usize::from(at.back)];
+    let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
+
     let stage = Stage::start(monitor, "sites", "sites", None);
-    // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of the
-    // light there comes from surfaces.
-    let widest = placement.smallest_radius * plan.widest_spacing;
+    let (radii, smallest) = (placement.radii(), placement.smallest_radius);
+    let shine = Shine::new(&lamps, &bvh, scene.sky.as_ref(), radii.representatives());
     let spacing = |at: &Candidate| {
-        let (radius, share) =
-            placement.radius_at(&at.point).filter(|_| placement.is_lit(&scene, at.triangle, at.back))?;
-        Some((radius * plan.site_spacing).min(widest / share.max(1e-6).sqrt()))
+        let (radius, share) = radii.at(&at.point).filter(|_| is_lit(at))?;
+        // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
+        // the light there comes from surfaces.
+        let spacing = (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
+        if radius > CORNER * smallest {
+            return Some(spacing);
+        }
+        let variation = shine.variation(&at.point, 0.5 * spacing);
+        Some(spacing * (plan.variation / variation).clamp(plan.closest, 1.0))
     };
-    let (sites, plots, samples) = Sites::scatter(&surface, &plan.sites, spacing);
-    let (graph, linked) = Neighbours::link(&sites, &bvh);
-    let cells = Cells::new(&surface, &plots);
-    report.rays += linked.ray_count as u64;
-    stage.advance(sites.len() as u64)?;
+    let layout = Layout::new(grounds, plan, spacing);
+    stage.advance(layout.sites.len() as u64)?;
+    report.rays += placement.rays + layout.rays;
     report.stages.push(stage.finish());
 
-    let (albedo, exitance) = materials(&scene, &sites, &samples, &glowing);
-    let around = Surroundings { scene: &scene, bvh: &bvh, sites: &sites, graph: &graph, cells: &cells };
-    let stage = Stage::start(monitor, "direct", "lamps", Some(lamps.len() as u64));
-    let direct = Direct::look(around, &samples, &lamps, &plan.direct);
-    report.rays += direct.rays;
-    stage.advance(lamps.len() as u64)?;
+    let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
+    let receivers = Receivers::settle(layout.around(grounds), placement);
+    let spread = Spread::fit(layout.around(grounds), &receivers);
+    let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
+    stage.advance(work.layout.sites.len() as u64)?;
+    report.stages.push(stage.finish());
+    solve(&mut work, plan, bounces, (monitor, &mut report))?;
+
+    let stage = Stage::start(monitor, "refine", "receivers", None);
+    super::refine::refine(&mut work, plan, monitor)?;
+    stage.advance(work.receivers.len() as u64)?;
     report.stages.push(stage.finish());
 
-    let stage = Stage::start(monitor, "links", "sites", Some(sites.len() as u64));
-    report.rays += placement.rays;
-    let receivers = Receivers::settle(around, placement);
-    let spread = Spread::fit(around, &receivers);
-    report.rays += spread.rays;
-    stage.advance(sites.len() as u64)?;
-    report.stages.push(stage.finish());
+    solve(&mut work, plan, bounces, (monitor, &mut report))?;
+    report.rays += work.receivers.rows.met.len() as u64 + work.spread.rays;
 
+    let Work { layout, receivers, spread, solution, .. } = work;
+    let Layout { sites, graph, cells, plots, albedo, exitance, direct, .. } = layout;
     let field = plan.field();
-    let solution = Solution::default();
-    let mut model = Model {
-        scene,
-        bvh,
-        sites,
-        graph,
-        cells,
-        plots,
-        lamps,
-        albedo,
-        exitance,
-        direct,
-        receivers,
-        spread,
-        solution,
-        field,
-    };
-    solve(&mut model, plan, bounces, (monitor, &mut report))?;
+    let model = Model { scene, bvh, sites, graph, cells, plots, lamps, albedo, exitance, direct, receivers, spread, solution, field };
     judge(&model, plan, (monitor, &mut report))?;
     Ok((model, report))
 }
 
 fn solve(
-    model: &mut Model,
+    work: &mut Work<'_>,
     plan: &Plan,
     bounces: Option<usize>,
     (monitor, report): (&dyn Monitor, &mut PipelineReport),
 ) -> Result<()> {
     let stage = Stage::start(monitor, "solve", "iterations", None);
-    let largest_albedo = model.largest_albedo();
+    let largest_albedo = work.largest_albedo();
     let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
     let params = IterateParams { tolerance, most: 2000, bounces, largest_albedo };
-    let (solution, iterate) = model.problem().solve(&params);
-    model.solution = solution;
+    let (solution, iterate) = work.problem().solve(&params);
+    work.solution = solution;
     stage.advance(iterate.iterations as u64)?;
     report.iterate = iterate;
     report.stages.push(stage.finish());

@@ -8,6 +8,7 @@ pub mod dense;
 pub mod direct;
 pub mod lamps;
 pub mod receivers;
+pub mod refine;
 pub mod rows;
 
 use crate::geometry::{SurfacePoint, triangle};

@@ -218,7 +218,7 @@ impl Placement {
             let wanted = params.factor * fresh.summaries[k].harmonic_distance();
             let radius = wanted
                 .min(params.largest_radius)
-                .min(CLEARANCE_SHARE * clear[k])
+                .min(CLEARANCE_SHARE * (clear[k] - BLIND * growth.spacing).max(0.25 * clear[k]))
                 .max(self.smallest_radius)
                 .max(1e-6);
             let support = Support { point: points[k], radius };
@@ -243,10 +243,27 @@ impl Placement {
         self.index = SupportIndex::new(&supports);
     }
 
+    /// What the placement says of the spacing of sites.
+    pub fn radii(&self) -> Radii<'_> {
+        Radii { index: &self.index, dead: &self.dead, raw: &self.raw, smallest: self.smallest_radius }
+    }
+}
+
+/// The radii of receivers as a field over the surface.
+#[derive(Clone, Copy)]
+pub struct Radii<'a> {
+    index: &'a SupportIndex,
+    dead: &'a SupportIndex,
+    raw: &'a RawRows,
+    /// The smallest radius that was placed by geometry alone, local units.
+    pub smallest: f32,
+}
+
+impl Radii<'_> {
     /// The radius that speaks for a point, and the share of rays that meet surfaces there: its best support's. None inside
     /// solids.
-    pub fn radius_at(&self, at: &SurfacePoint) -> Option<(f32, f32)> {
-        let mut best = (f32::INFINITY, Some((self.smallest_radius, 0.5)));
+    pub fn at(&self, at: &SurfacePoint) -> Option<(f32, f32)> {
+        let mut best = (f32::INFINITY, Some((self.smallest, 0.5)));
         self.index.for_each(at, REACH, |id, distance| {
             if distance < best.0 {
                 let share = self.raw.summaries[id as usize].hits as f32 / self.raw.rays as f32;
@@ -260,10 +277,21 @@ impl Placement {
         });
         best.1
     }
+
+    /// Points that stand for the surface, each with a weight by the area that exchanges light around it and the share of the
+    /// sky that it sees.
+    pub fn representatives(&self) -> impl Iterator<Item = (SurfacePoint, f32, f32)> + '_ {
+        let supports = self.index.supports().iter().zip(&self.raw.summaries);
+        let rays = self.raw.rays as f32;
+        supports.map(move |(s, row)| (s.point, row.hits as f32 * s.radius * s.radius, row.escaped as f32 / rays))
+    }
 }
 
 /// Validity radius over the distance to the nearest surface in front: rays miss small things far away, candidates do not.
 const CLEARANCE_SHARE: f32 = 0.5;
+
+/// The nearest candidate is farther than the nearest surface by up to this many spacings.
+const BLIND: f32 = 0.5;
 
 /// Surfaces count as in front when seen under this sine of elevation; bumps of the own surface do not.
 const CLEARANCE_ELEVATION: f32 = 0.08;
@@ -328,15 +356,32 @@ pub struct Receivers {
 impl Receivers {
     /// Finds out who speaks for the surfaces that the rays met, and for the receivers' own places.
     pub fn settle(around: Surroundings<'_>, placement: Placement) -> Self {
-        let homes = placement
-            .index
-            .supports()
-            .par_iter()
-            .with_min_len(64)
-            .map(|s| around.site_under(&s.point).unwrap_or(SiteId(0)))
-            .collect();
-        let lift = LIFT_SHARE * placement.smallest_radius;
-        Self { index: placement.index, homes, lift, rows: placement.raw.resolve(around) }
+        let home = |s: &Support| around.site_under(&s.point).unwrap_or(SiteId(0));
+        Self {
+            homes: placement.index.supports().par_iter().with_min_len(64).map(home).collect(),
+            index: placement.index,
+            lift: LIFT_SHARE * placement.smallest_radius,
+            rows: placement.raw.resolve(around),
+        }
+    }
+
+    /// Adds receivers that speak for each other's surroundings from now on; their rows are shot and resolved here.
+    pub fn extend(&mut self, around: Surroundings<'_>, fresh: &[Support], seed: u64) {
+        let points: Vec<SurfacePoint> = fresh.iter().map(|s| s.point).collect();
+        let first = self.len() as u64;
+        let keys: Vec<u64> = (0..points.len() as u64).map(|k| hash::mix2(seed, first + k)).collect();
+        let mut raw = RawRows::new(self.rows.rays);
+        raw.extend((around.scene, around.bvh), &points, &keys);
+        let mut live = RawRows::new(self.rows.rays);
+        for (k, support) in fresh.iter().enumerate() {
+            if raw.summaries[k].is_dead(raw.rays) {
+                continue;
+            }
+            live.push(&raw, k);
+            self.index.push(*support);
+            self.homes.push(around.site_under(&support.point).unwrap_or(SiteId(0)));
+        }
+        self.rows.append(live.resolve(around));
     }
 
     /// How many receivers there are.
@@ -366,18 +411,50 @@ pub struct Spread {
 impl Spread {
     /// Finds every site's receivers by visibility and fits their weights.
     pub fn fit(around: Surroundings<'_>, receivers: &Receivers) -> Self {
-        let fits: Vec<(Vec<u32>, Vec<f32>, u64)> = (0..around.sites.len())
-            .into_par_iter()
-            .map_init(Vec::new, |found, site| fit_site(around, receivers, SiteId(site as u32), found))
-            .collect();
-        let mut spread = Self { offsets: vec![0], ..Self::default() };
-        for (ids, weights, rays) in fits {
-            spread.receivers.extend_from_slice(&ids);
-            spread.weights.extend_from_slice(&weights);
-            spread.offsets.push(spread.receivers.len() as u32);
-            spread.rays += rays;
-        }
+        let mut spread = Self { offsets: vec![0; around.sites.len() + 1], ..Self::default() };
+        spread.refit(around, receivers, |_| true);
         spread
+    }
+
+    /// Finds and fits anew the sites that the receivers from number `first` on reach.
+    pub fn update(&mut self, around: Surroundings<'_>, receivers: &Receivers, first: usize) {
+        let fresh = SupportIndex::new(&receivers.index.supports()[first..]);
+        self.refit(around, receivers, |site| {
+            let mut reached = false;
+            fresh.for_each(&around.sites.point(SiteId(site as u32)), REACH, |_, _| reached = true);
+            reached
+        });
+    }
+
+    fn refit(
+        &mut self,
+        around: Surroundings<'_>,
+        receivers: &Receivers,
+        stale: impl Fn(usize) -> bool + Sync,
+    ) {
+        let fits: Vec<Option<SiteFit>> = (0..around.sites.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map_init(Vec::new, |found, site| {
+                stale(site).then(|| fit_site(around, receivers, SiteId(site as u32), found))
+            })
+            .collect();
+        let mut spread = Self { offsets: vec![0], rays: self.rays, ..Self::default() };
+        for (site, fit) in fits.into_iter().enumerate() {
+            match fit {
+                Some((ids, weights, rays)) => {
+                    spread.receivers.extend_from_slice(&ids);
+                    spread.weights.extend_from_slice(&weights);
+                    spread.rays += rays;
+                }
+                None => {
+                    spread.receivers.extend_from_slice(self.receivers_of(site));
+                    spread.weights.extend_from_slice(self.weights_of(site));
+                }
+            }
+            spread.offsets.push(spread.receivers.len() as u32);
+        }
+        *self = spread;
     }
 
     /// The receivers a site sees.
@@ -391,24 +468,30 @@ impl Spread {
     }
 }
 
+/// Receivers that a site sees, their weights, visibility rays.
+type SiteFit = (Vec<u32>, Vec<f32>, u64);
+
+/// How many receivers a site lists: points around it fit the nearest of them.
+const LISTED: usize = 32;
+
 fn fit_site(
     around: Surroundings<'_>,
     receivers: &Receivers,
     site: SiteId,
     found: &mut Vec<(f32, u32)>,
-) -> (Vec<u32>, Vec<f32>, u64) {
+    ) -> SiteFit {
     let at = around.sites.point(site);
     receivers.index.nearest(&at, REACH, found);
     let mut rays = 0;
-    let mut ids = Vec::with_capacity(mls::MOST);
-    let mut supports = Vec::with_capacity(mls::MOST);
+    let mut ids = Vec::with_capacity(LISTED);
+    let mut supports = Vec::with_capacity(LISTED);
     for (_, id) in found.iter() {
         let support = receivers.index.supports()[*id as usize];
         rays += 1;
         if mutually_visible(at, support.point, receivers.lift, around.bvh) {
             ids.push(*id);
             supports.push(support);
-            if ids.len() == mls::MOST {
+            if ids.len() == LISTED {
                 break;
             }
         }

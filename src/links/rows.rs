@@ -153,6 +153,13 @@ impl Rows {
         self.keys.is_empty()
     }
 
+    /// Adds the rows of others, which have as many rays each.
+    pub fn append(&mut self, mut others: Self) {
+        self.keys.append(&mut others.keys);
+        self.met.append(&mut others.met);
+        self.summaries.append(&mut others.summaries);
+    }
+
     /// What the rays of one row met.
     pub fn row(&self, receiver: usize) -> &[u32] {
         let n = self.rays as usize;

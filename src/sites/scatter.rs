@@ -13,7 +13,7 @@ use crate::scatter::thin::Darts;
 const DEEPEST: u32 = 20;
 
 /// Points of a piece that decide which sites its area goes to.
-const AREA_POINTS: u32 = 24;
+const AREA_POINTS: u32 = 96;
 
 /// A candidate that became a site.
 struct Kept {

@@ -77,8 +77,9 @@ impl Field<'_> {
         let site = site.map(|s| s.0);
         let query = Query { point: *point, site, rugged, key: key(point) };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
-        let near = site.map_or(&[][..], |s| problem.spread.receivers_of(s as usize));
-        let near = if near.len() < FEWEST { &[][..] } else { near };
+        let listed = site.map_or(&[][..], |s| problem.spread.receivers_of(s as usize));
+        let listed = if listed.len() < FEWEST { &[][..] } else { listed };
+        let near = &nearest(problem.receivers, point, listed);
         match fit(problem.receivers, point, near) {
             Some(weights) => {
                 let blended = self.blend(point, near, &weights, direct);
@@ -135,6 +136,18 @@ impl Field<'_> {
     }
 }
 
+/// The receivers of a list that are nearest to a point, at most [`mls::MOST`].
+pub fn nearest(receivers: &Receivers, point: &SurfacePoint, listed: &[u32]) -> SmallVec<[u32; 32]> {
+    let supports = receivers.index.supports();
+    if listed.len() <= mls::MOST {
+        return SmallVec::from_slice(listed);
+    }
+    let mut by: SmallVec<[(f32, u32); 32]> =
+        listed.iter().map(|&r| (supports[r as usize].distance(point), r)).collect();
+    by.select_nth_unstable_by(mls::MOST - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    by[..mls::MOST].iter().map(|b| b.1).collect()
+}
+
 /// Weights of the receivers at a point; None when none of them reaches it.
 fn fit(receivers: &Receivers, point: &SurfacePoint, near: &[u32]) -> Option<SmallVec<[f32; mls::MOST]>> {
     let supports: SmallVec<[Support; mls::MOST]> =
@@ -150,6 +163,7 @@ pub fn interpolate(
     point: &SurfacePoint,
     near: &[u32],
 ) -> Option<Rgb> {
+    let near = &nearest(receivers, point, near);
     let weights = fit(receivers, point, near)?;
     let value = |r: usize| {
         let turn = point.normal - receivers.index.supports()[r].point.normal;

@@ -2,6 +2,8 @@
 
 pub mod field;
 pub mod iterate;
+pub mod light;
+pub mod surplus;
 pub mod transport;
 
 use glam::{Mat3, Vec3};
@@ -14,9 +16,10 @@ use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
-use crate::links::rows::{self, Directions, FIRST_MARK, LOST, SKY};
+use crate::links::rows::{self, Directions, LOST, SKY};
 use crate::scene::Sky;
 use iterate::{IterateParams, IterateReport};
+use light::RowLight;
 use transport::Transport;
 
 /// Everything that stays fixed while light changes, and the light itself.
@@ -49,6 +52,8 @@ pub struct Solution {
     pub gradient: Vec<Mat3>,
     /// Share of the sky that each receiver sees, weighted by the cosine.
     pub sky_visibility: Vec<f32>,
+    /// Standard error of each row's mean channel by its own rays, W·m⁻².
+    pub noise: Vec<f32>,
     /// Root mean square difference of the mean channel between a receiver's row and its neighbours' fit.
     pub surplus: Vec<f32>,
     /// Radiosity per site, without the lamps' own exitance.
@@ -56,12 +61,6 @@ pub struct Solution {
     /// Mean irradiance where surfaces exchange light: what relative errors are relative to, W·m⁻².
     pub level: f32,
 }
-
-/// The surplus of a receiver with too few others around it: huge, but its square is finite.
-const UNKNOWN: f32 = 1.0e18;
-
-/// Rays flatter than this cosine count as this flat in gradients (1/cos would let a few rays rule).
-const FLATTEST: f32 = 0.4;
 
 impl Problem<'_> {
     /// Solves for the light.
@@ -75,11 +74,13 @@ impl Problem<'_> {
         let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
-        let mut solution = Solution { irradiance, radiosity, ..Solution::default() };
-        (solution.gradient, solution.sky_visibility) =
-            self.gradients(&solution.radiosity, &solution.irradiance);
+        let mut solution = Solution { radiosity, ..Solution::default() };
+        let level = self.level(&irradiance_at_sites);
+        solution.level = level;
+        for (light, irradiance) in self.row_lights(0..self.receivers.len(), &solution.radiosity).into_iter().zip(irradiance) {
+            solution.add(RowLight { irradiance, ..light });
+        }
         solution.surplus = self.surplus(&solution);
-        solution.level = self.level(&irradiance_at_sites);
         (solution, report)
     }
 
@@ -128,39 +129,6 @@ impl Problem<'_> {
         })
     }
 
-    /// Rotational gradients and sky visibility.
-    fn gradients(&self, radiosity: &[Rgb], irradiance: &[Rgb]) -> (Vec<Mat3>, Vec<f32>) {
-        let normals = |r: usize| self.receivers.index.supports()[r].point.normal;
-        let rays = self.receivers.rows.rays as f32;
-        let light = |direction: Vec3, met: u32| match met {
-            SKY => self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(direction) * std::f32::consts::PI),
-            m if m < FIRST_MARK => radiosity[m as usize],
-            _ => Rgb::ZERO,
-        };
-        let escaped: Vec<f32> =
-            self.receivers.rows.summaries.iter().map(|s| s.escaped as f32 / rays).collect();
-        let lattice = rows::lattice(self.receivers.rows.rays);
-        let gradient = (0..self.receivers.len())
-            .into_par_iter()
-            .map(|r| {
-                let normal = normals(r);
-                let directions =
-                    Directions::new(normal, self.receivers.rows.keys[r], self.receivers.rows.rays);
-                let mut sum = Mat3::ZERO;
-                for (at, &met) in lattice.iter().zip(self.receivers.rows.row(r)) {
-                    let direction = directions.at(*at);
-                    // Levers average to nothing, but for the lattice's noise: uniform light must not turn.
-                    let b = light(direction, met) - irradiance[r];
-                    let cosine = direction.dot(normal);
-                    let lever = (direction - normal * cosine) / cosine.max(FLATTEST);
-                    sum += Mat3::from_cols(b * lever.x, b * lever.y, b * lever.z);
-                }
-                sum * (1.0 / rays)
-            })
-            .collect();
-        (gradient, escaped)
-    }
-
     /// Sums over each row's rays, renormalised for lost ones.
     fn each_row<T: Default + Send + std::ops::Div<f32, Output = T>>(
         &self,
@@ -180,27 +148,6 @@ impl Problem<'_> {
                     add(&mut sum, directions.at(*at), met);
                 }
                 sum / live.max(1) as f32
-            })
-            .collect()
-    }
-
-    /// Leave-one-out: how far each receiver's own row is from what its neighbours would have said.
-    fn surplus(&self, solution: &Solution) -> Vec<f32> {
-        (0..self.receivers.len())
-            .into_par_iter()
-            .map(|r| {
-                let site = self.receivers.homes[r].index();
-                let others: Vec<u32> =
-                    self.spread.receivers_of(site).iter().copied().filter(|&o| o as usize != r).collect();
-                let at = self.receivers.index.supports()[r].point;
-                // Too few others to tell: the receiver vouches for nothing around it.
-                if others.len() < field::FEWEST {
-                    return UNKNOWN;
-                }
-                match field::interpolate(self.receivers, solution, &at, &others) {
-                    Some(fit) => (crate::light::mean_channel(fit - solution.irradiance[r])).abs(),
-                    None => UNKNOWN,
-                }
             })
             .collect()
     }

@@ -61,7 +61,7 @@ pub fn weights(at: &SurfacePoint, supports: &[Support], sign: Sign) -> SmallVec<
 pub fn falloff(distance: f32) -> f32 {
     if distance < 2.0 {
         let ramp = 1.0 - 0.5 * distance;
-        ramp * ramp / (distance * distance + 0.02)
+        ramp * ramp / (distance * distance + 0.15)
     } else {
         0.0
     }

@@ -317,12 +317,9 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
         escaped,
     });
     let met = read_rows(archive, ids.len(), rays, sites.len() as u32)?;
-    Ok(Receivers {
-        homes: ids.iter().map(|&s| SiteId(s)).collect(),
-        lift: 0.0,
-        index: SupportIndex::new(&supports),
-        rows: Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() },
-    })
+    let rows = Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() };
+    let homes = ids.iter().map(|&s| SiteId(s)).collect();
+    Ok(Receivers { homes, lift: 0.0, index: SupportIndex::new(&supports), rows })
 }
 
 fn read_rows(archive: &Archive, rows: usize, rays: u32, sites: u32) -> Result<Vec<u32>> {
@@ -353,7 +350,8 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("irradian"), receivers.clone(), &s.irradiance)?;
     w.append(tag("gradient"), receivers.clone(), &gradient)?;
     w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
-    w.append(tag("surplus"), receivers, &s.surplus)?;
+    w.append(tag("surplus"), receivers.clone(), &s.surplus)?;
+    w.append(tag("noise"), receivers, &s.noise)?;
     let FieldParams { direct, rays, doubt } = model.field;
     let seed = [direct.seed as u32, (direct.seed >> 32) as u32];
     w.append(tag("level"), 0..1, &[s.level, doubt])?;
@@ -378,6 +376,7 @@ fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solut
         gradient: gradient.iter().map(Mat3::from_cols_array).collect(),
         sky_visibility: archive.array(tag("sky_seen"))?.to_vec(),
         surplus: archive.array(tag("surplus"))?.to_vec(),
+        noise: archive.array(tag("noise"))?.to_vec(),
         radiosity: archive.array(tag("radiosit"))?.to_vec(),
         level,
     };
@@ -385,6 +384,7 @@ fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solut
     same_length(&archive, "gradient", &solution.gradient, receivers.len())?;
     same_length(&archive, "sky_seen", &solution.sky_visibility, receivers.len())?;
     same_length(&archive, "surplus", &solution.surplus, receivers.len())?;
+    same_length(&archive, "noise", &solution.noise, receivers.len())?;
     same_length(&archive, "radiosit", &solution.radiosity, sites.len())?;
     Ok((solution, field))
 }

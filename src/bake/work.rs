@@ -1,0 +1,106 @@
+//! A bake under way: its receivers may still be split.
+
+use super::laws::Plan;
+use super::model::materials;
+use crate::links::Surroundings;
+use crate::links::direct::Direct;
+use crate::links::lamps::Lamp;
+use crate::links::receivers::{Receivers, Spread};
+use crate::rays::Bvh;
+use crate::scatter::Candidate;
+use crate::scatter::surface::Surface;
+use crate::scene::Scene;
+use crate::light::Rgb;
+use crate::sites::{Cells, Neighbours, Plot, Sites};
+use crate::solve::{Problem, Solution};
+
+/// What stays fixed all along.
+#[derive(Clone, Copy)]
+pub struct Grounds<'a> {
+    /// Triangles, materials and lights.
+    pub scene: &'a Scene,
+    /// The ray engine.
+    pub bvh: &'a Bvh,
+    /// The surface in its spatial order.
+    pub surface: &'a Surface<'a>,
+    /// Lights aimed at.
+    pub lamps: &'a [Lamp],
+    /// Per mesh, whether rows meet its emission.
+    pub glowing: &'a [bool],
+}
+
+/// Sites, what they are made of and what light the lamps send them.
+pub struct Layout {
+    /// Where radiosity is known.
+    pub sites: Sites,
+    /// Which sites see each other.
+    pub graph: Neighbours,
+    /// Which site speaks for which bit of surface.
+    pub cells: Cells,
+    /// How the surface was served.
+    pub plots: Vec<Plot>,
+    /// Albedo per site.
+    pub albedo: Vec<Rgb>,
+    /// Exitance per site where rows meet it.
+    pub exitance: Vec<Rgb>,
+    /// Lamp links.
+    pub direct: Direct,
+    /// Rays traced.
+    pub rays: u64,
+}
+
+impl Layout {
+    /// Lays sites out by a spacing and looks at the lamps from them.
+    pub fn new(grounds: Grounds<'_>, plan: &Plan, spacing: impl Fn(&Candidate) -> Option<f32> + Sync) -> Self {
+        let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
+        let (sites, plots, samples) = Sites::scatter(surface, &plan.sites, spacing);
+        let (graph, linked) = Neighbours::link(&sites, bvh);
+        let cells = Cells::new(surface, &plots);
+        let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
+        let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
+        let direct = Direct::look(around, &samples, lamps, &plan.direct);
+        let rays = linked.ray_count as u64 + direct.rays;
+        Self { sites, graph, cells, plots, albedo, exitance, direct, rays }
+    }
+
+    /// The rays' world.
+    pub fn around<'a>(&'a self, grounds: Grounds<'a>) -> Surroundings<'a> {
+        let (sites, graph, cells) = (&self.sites, &self.graph, &self.cells);
+        Surroundings { scene: grounds.scene, bvh: grounds.bvh, sites, graph, cells }
+    }
+}
+
+/// All that a bake changes on its way.
+pub struct Work<'a> {
+    /// What it does not change.
+    pub grounds: Grounds<'a>,
+    /// Sites.
+    pub layout: Layout,
+    /// Receivers and their rows.
+    pub receivers: Receivers,
+    /// Interpolation to sites.
+    pub spread: Spread,
+    /// The light.
+    pub solution: Solution,
+}
+
+impl Work<'_> {
+    /// What there is to solve.
+    pub fn problem(&self) -> Problem<'_> {
+        Problem {
+            around: self.layout.around(self.grounds),
+            receivers: &self.receivers,
+            spread: &self.spread,
+            lamps: self.grounds.lamps,
+            direct: &self.layout.direct,
+            albedo: &self.layout.albedo,
+            exitance: &self.layout.exitance,
+            sky: self.grounds.scene.sky.as_ref(),
+        }
+    }
+
+    /// The largest albedo channel of any site.
+    pub fn largest_albedo(&self) -> f32 {
+        self.layout.albedo.iter().map(|a| a.max_element()).fold(0.0, f32::max)
+    }
+}

@@ -1,0 +1,85 @@
+//! More receivers where those there are do not suffice: each one asked for is split, its radius halved and the surface
+//! around it covered anew.
+//!
+//! This work is based on: Lehtinen et al., "A Meshless Hierarchical Representation for Light Transport", SIGGRAPH 2008
+//! (finer levels only where coarser ones, interpolated, would miss the light).
+
+use rayon::prelude::*;
+
+use super::Surroundings;
+use super::receivers::Receivers;
+use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
+use crate::rays::Ray;
+use crate::scatter::surface::side_normal;
+use crate::sites::cells::Said;
+use crate::sites::neighbours::mutually_visible;
+use crate::tree::Support;
+use crate::tree::index::SupportIndex;
+
+/// Points thrown around a receiver that is split; about five of them become receivers.
+const THROWN: u32 = 24;
+
+/// How many of the nearest supports are asked for visibility before a point counts as uncovered.
+const MOST_ASKED: usize = 8;
+
+/// Points whose normals' cosine with the receiver's is below this are not its surroundings.
+const SAME_SURFACE: f32 = 0.2;
+
+/// Halves the radii of the chosen receivers and gives receivers of that radius to the surface that this leaves uncovered.
+///
+/// Deterministic for any number of threads. Cost: about five rows and fifty short rays a receiver split.
+pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], seed: u64) {
+    let mut supports = receivers.index.supports().to_vec();
+    for &r in chosen {
+        supports[r as usize].radius *= 0.5;
+    }
+    receivers.index = SupportIndex::new(&supports);
+    let index = &receivers.index;
+    let thrown: Vec<Vec<SurfacePoint>> = chosen
+        .par_iter()
+        .with_min_len(8)
+        .map_init(Vec::new, |found, &r| {
+            let parent = supports[r as usize];
+            let key = hash::mix2(seed, u64::from(r) ^ supports.len() as u64);
+            (0..THROWN)
+                .filter_map(|i| around.beside(&parent.point, 2.0 * parent.radius, (i, key)))
+                .filter(|at| {
+                    index.nearest(at, 1.0, found);
+                    !found.iter().take(MOST_ASKED).any(|(_, id)| {
+                        mutually_visible(*at, supports[*id as usize].point, receivers.lift, around.bvh)
+                    })
+                })
+                .collect()
+        })
+        .collect();
+    let mut fresh = SupportIndex::default();
+    for (&r, points) in chosen.iter().zip(thrown) {
+        for point in points {
+            let mut covered = false;
+            fresh.for_each(&point, 1.0, |_, _| covered = true);
+            if !covered {
+                fresh.push(Support { point, radius: supports[r as usize].radius });
+            }
+        }
+    }
+    receivers.extend(around, fresh.supports(), seed);
+}
+
+impl Surroundings<'_> {
+    /// Point `i` of [`THROWN`] on the surface around another, within a radius; None where the surface ends or is dead.
+    fn beside(&self, centre: &SurfacePoint, radius: f32, (i, key): (u32, u64)) -> Option<SurfacePoint> {
+        let [u, v] = hemisphere::fibonacci(i, THROWN, hash::unit_pair(key, 0));
+        let (s, t) = tangent_frame(centre.normal);
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        let reach = radius * u.sqrt();
+        let rise = 0.5 * radius;
+        let origin = centre.position + (s * cos + t * sin) * reach + centre.normal * rise;
+        let ray = Ray { origin, direction: -centre.normal, t_min: 0.0, t_max: 2.0 * rise };
+        let hit = self.bvh.closest(&ray)?;
+        let back = super::from_behind(self.scene, &ray, &hit);
+        let normal = side_normal(self.scene, hit.triangle, back);
+        let live = matches!(self.cells.site(&hit, back, self.ground()), Said::Site(_));
+        let position = origin + ray.direction * hit.distance;
+        (live && normal.dot(centre.normal) > SAME_SURFACE).then_some(SurfacePoint { position, normal })
+    }
+}

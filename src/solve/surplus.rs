@@ -1,0 +1,82 @@
+//! What receivers would lose if they were left out, and what of it is more than noise.
+//!
+//! This work is based on: Lehtinen et al., "A Meshless Hierarchical Representation for Light Transport", SIGGRAPH 2008
+//! (refinement by what the coarser level misses).
+
+use rayon::prelude::*;
+
+use super::{Problem, Solution, field};
+use crate::light::mean_channel;
+
+/// The surplus of a receiver with too few others around it: huge, but its square is finite.
+const UNKNOWN: f32 = 1.0e18;
+
+/// Relative error of interpolation where there are too few receivers to tell.
+const UNSURE: f32 = 0.2;
+
+/// How many receivers' surpluses are averaged to tell bias from noise.
+const AVERAGED: usize = 8;
+
+/// Variance of a surplus that is all noise, over that of a row: the row's own and the fit's.
+const NOISE_SHARE: f32 = 1.4;
+
+/// Interpolation between receivers errs by this much of what leaving one out does: a point is nearer to them than they
+/// are to each other.
+const BETWEEN: f32 = 0.4;
+
+impl Problem<'_> {
+    /// Leave-one-out: how far each receiver's own row is from what its neighbours would have said.
+    pub fn surplus(&self, solution: &Solution) -> Vec<f32> {
+        (0..self.receivers.len())
+            .into_par_iter()
+            .with_min_len(16)
+            .map(|r| {
+                let site = self.receivers.homes[r].index();
+                let others: Vec<u32> =
+                    self.spread.receivers_of(site).iter().copied().filter(|&o| o as usize != r).collect();
+                let at = self.receivers.index.supports()[r].point;
+                // Too few others to tell: the receiver vouches for nothing around it.
+                if others.len() < field::FEWEST {
+                    return UNKNOWN;
+                }
+                match field::interpolate(self.receivers, solution, &at, &others) {
+                    Some(fit) => (mean_channel(fit - solution.irradiance[r])).abs(),
+                    None => UNKNOWN,
+                }
+            })
+            .collect()
+    }
+
+    /// Per receiver the error of interpolation around it, noise taken out, as a standard error of the mean channel.
+    pub fn bias(&self, solution: &Solution) -> Vec<f32> {
+        (0..self.receivers.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map(|r| {
+                if solution.surplus[r] >= UNKNOWN {
+                    return UNSURE * mean_channel(solution.irradiance[r]);
+                }
+                let near = self.spread.receivers_of(self.receivers.homes[r].index());
+                let (mut square, mut noise, mut count) = (0.0, 0.0, 0.0);
+                let known = |o: &&u32| solution.surplus[**o as usize] < UNKNOWN;
+                for &o in near.iter().take(AVERAGED).filter(known).chain(std::iter::once(&(r as u32))) {
+                    square += solution.surplus[o as usize].powi(2);
+                    noise += solution.noise[o as usize].powi(2);
+                    count += 1.0;
+                }
+                BETWEEN * ((square - NOISE_SHARE * noise).max(0.0) / count).sqrt()
+            })
+            .collect()
+    }
+
+    /// Per receiver the area that it speaks for, by how much sites make of it.
+    pub fn areas_of_receivers(&self) -> Vec<f64> {
+        let mut areas = vec![0.0; self.receivers.len()];
+        for (site, &area) in self.around.sites.areas.iter().enumerate() {
+            for (&r, &w) in self.spread.receivers_of(site).iter().zip(self.spread.weights_of(site)) {
+                areas[r as usize] += f64::from(area * w);
+            }
+        }
+        areas
+    }
+}
