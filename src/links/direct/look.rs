@@ -1,0 +1,214 @@
+//! Every site looks at the lamps: a cut of clusters, a few rays each, more in penumbrae.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use rayon::prelude::*;
+
+use super::{Direct, DirectParams, LampLink};
+use crate::geometry::SurfacePoint;
+use crate::light::mean_channel;
+use crate::links::Surroundings;
+use crate::links::lamps::light::{Share, Shares, within};
+use crate::links::lamps::shadow::Shadows;
+use crate::links::lamps::{Lamp, LampTree};
+use crate::sites::{Samples, SiteId};
+
+/// Visibilities that differ by more than this make a penumbra.
+const DIFFERENCE: f32 = 0.02;
+
+/// Penumbrae that hold less than this share of a site's light are none.
+const NEGLIGIBLE: f32 = 0.01;
+
+/// Clusters are opened from this share of a site's light on …
+const LARGE_SHARE: f32 = 1.0 / 16.0;
+
+/// … unless their radius over distance is at most this: who sees one end of them sees the other.
+const COMPACT: f32 = 0.25;
+
+/// What a site first sees, and what is found out about it.
+struct Seen {
+    link: LampLink,
+    /// Of the site's unoccluded light.
+    share: f32,
+    /// Whether visibility varies within the cluster or to the neighbours.
+    edge: bool,
+}
+
+/// What looking needs.
+struct Look<'a> {
+    around: Surroundings<'a>,
+    samples: &'a Samples,
+    shadows: Shadows<'a>,
+    params: &'a DirectParams,
+    rays: AtomicU64,
+}
+
+impl Direct {
+    /// Looks at all lamps from every site.
+    ///
+    /// Deterministic for any number of threads. Cost: one ray a cluster and site, at least `first` rays a site, and
+    /// `penumbra` rays at those in doubt; about 20 B a link and at most some forty links a site.
+    pub fn look(around: Surroundings<'_>, samples: &Samples, lamps: &[Lamp], params: &DirectParams) -> Self {
+        let tree = LampTree::new(lamps);
+        let shadows = Shadows { tree: &tree, lamps, bvh: around.bvh };
+        let look = Look { around, samples, shadows, params, rays: AtomicU64::new(0) };
+        let sites = around.sites.len();
+        let mut seen: Vec<Vec<Seen>> = (0..sites).into_par_iter().map(|s| look.first(s)).collect();
+        let edges: Vec<Vec<bool>> = (0..sites).into_par_iter().map(|s| look.edges(&seen, s)).collect();
+        seen.par_iter_mut().zip(&edges).for_each(|(s, e)| s.iter_mut().zip(e).for_each(|(s, e)| s.edge = *e));
+        let links: Vec<Vec<LampLink>> = (0..sites).into_par_iter().map(|s| look.refined(&seen, s)).collect();
+        let rays = look.rays.into_inner();
+        let mut direct = Self { tree, offsets: vec![0], links: Vec::new(), rays };
+        for of_site in links {
+            direct.links.extend(of_site);
+            direct.offsets.push(direct.links.len() as u32);
+        }
+        direct
+    }
+}
+
+impl Look<'_> {
+    fn tree(&self) -> &LampTree {
+        self.shadows.tree
+    }
+
+    fn point(&self, site: usize) -> SurfacePoint {
+        self.around.sites.point(SiteId(site as u32))
+    }
+
+    /// A site's clusters, with a few rays each.
+    fn first(&self, site: usize) -> Vec<Seen> {
+        let at = self.point(site);
+        let mut shares = Shares::new();
+        self.tree().shares(self.shadows.lamps, &at, &mut shares);
+        let cut = cut(self.tree(), &shares, &at);
+        let total: f32 = shares.iter().map(|s| s.weight).sum();
+        let coupling = self.couplings(site, &cut, &mut shares.clone());
+        let seen = cut.iter().zip(coupling).map(|(&cluster, coupling)| {
+            let shares = within(&shares, self.tree(), cluster);
+            let share = shares.iter().map(|s| s.weight).sum::<f32>() / total.max(f32::MIN_POSITIVE);
+            let visibility = self.visibility((site, &at), shares, (self.params.first, share));
+            Seen { link: LampLink { cluster, visibility, coupling, penumbra: false }, share, edge: false }
+        });
+        seen.collect()
+    }
+
+    /// Visible share of some light at a site, by its part of `count` rays.
+    fn visibility(
+        &self,
+        (site, at): (usize, &SurfacePoint),
+        shares: &[Share],
+        (count, share): (u32, f32),
+    ) -> f32 {
+        let Some(first) = shares.first() else { return f32::NAN };
+        let sharp = shares.len() == 1 && first.is_sharp(self.tree(), self.shadows.lamps);
+        let count = if sharp { 1 } else { ((count as f32 * share).ceil() as u32).max(1) };
+        let shift = self.params.shift(u64::from(first.cluster) << 20, site as u64);
+        let verdict = self.shadows.trace(at, shares, count, shift);
+        self.rays.fetch_add(u64::from(verdict.rays), Ordering::Relaxed);
+        verdict.visibility().unwrap_or(f32::NAN)
+    }
+
+    /// Per cluster of the cut the unoccluded light per unit of its power, averaged over what the site stands for.
+    fn couplings(&self, site: usize, cut: &[u32], shares: &mut Shares) -> Vec<f32> {
+        let mut sums = vec![0.0f32; cut.len()];
+        let mut add = |shares: &[Share], area: f32| {
+            for (sum, &cluster) in sums.iter_mut().zip(cut) {
+                *sum += within(shares, self.tree(), cluster).iter().map(|s| s.weight).sum::<f32>() * area;
+            }
+        };
+        let points = self.samples.of(site);
+        let area: f32 = points.iter().map(|(_, area)| area).sum();
+        for (candidate, part) in points {
+            self.tree().shares(self.shadows.lamps, &candidate.point, shares);
+            add(shares, part / area);
+        }
+        if points.is_empty() {
+            add(shares, 1.0);
+        }
+        let power = |cluster: u32| mean_channel(self.tree().clusters[cluster as usize].power);
+        sums.iter().zip(cut).map(|(sum, &c)| sum / power(c).max(f32::MIN_POSITIVE)).collect()
+    }
+
+    /// Which of a site's clusters are seen in part, or differently by a neighbour.
+    fn edges(&self, seen: &[Vec<Seen>], site: usize) -> Vec<bool> {
+        let differs = |link: &LampLink, o: usize| {
+            self.seen_by(&seen[o], link.cluster)
+                .is_some_and(|(v, _)| (v - link.visibility).abs() > DIFFERENCE)
+        };
+        let edge = |s: &Seen| {
+            let v = s.link.visibility;
+            (v > 0.0 && v < 1.0) || self.neighbours(site).any(|o| differs(&s.link, o))
+        };
+        seen[site].iter().map(edge).collect()
+    }
+
+    fn neighbours(&self, site: usize) -> impl Iterator<Item = usize> + '_ {
+        self.around.graph.of(SiteId(site as u32)).iter().map(|o| *o as usize)
+    }
+
+    /// How a site sees a cluster that may not be one of its cut: visibility, and whether any of it is an edge.
+    fn seen_by(&self, seen: &[Seen], cluster: u32) -> Option<(f32, bool)> {
+        let next = self.tree().clusters[cluster as usize].next;
+        let first = seen.partition_point(|s| s.link.cluster < cluster);
+        let last = seen.partition_point(|s| s.link.cluster < next);
+        if first == last {
+            // One cluster above it is in the cut, if any.
+            let above = seen[..first].last()?;
+            let holds = self.tree().clusters[above.link.cluster as usize].next >= next;
+            return holds.then_some((above.link.visibility, above.edge));
+        }
+        let (mut sum, mut weight, mut edge) = (0.0, 0.0, false);
+        for s in seen[first..last].iter().filter(|s| !s.link.visibility.is_nan()) {
+            sum += s.link.visibility * s.share;
+            weight += s.share;
+            edge |= s.edge;
+        }
+        (weight > 0.0).then(|| (sum / weight, edge))
+    }
+
+    /// A site's links: penumbrae found, one ring wider than the edges, and edges looked at again.
+    fn refined(&self, seen: &[Vec<Seen>], site: usize) -> Vec<LampLink> {
+        // The border runs anywhere between two sites that differ.
+        let beside = |s: &Seen| {
+            s.edge
+                || self.neighbours(site).any(|o| self.seen_by(&seen[o], s.link.cluster).is_some_and(|e| e.1))
+        };
+        let mut links: Vec<LampLink> =
+            seen[site].iter().map(|s| LampLink { penumbra: beside(s), ..s.link }).collect();
+        let doubtful = links.iter().zip(&seen[site]).filter(|(l, _)| l.penumbra).map(|(_, s)| s.share);
+        if doubtful.sum::<f32>() < NEGLIGIBLE {
+            links.iter_mut().for_each(|l| l.penumbra = false);
+            return links;
+        }
+        let at = self.point(site);
+        let mut shares = Shares::new();
+        self.tree().shares(self.shadows.lamps, &at, &mut shares);
+        for (link, s) in links.iter_mut().zip(&seen[site]).filter(|(l, s)| s.edge && !l.visibility.is_nan()) {
+            let shares = within(&shares, self.tree(), link.cluster);
+            if !shares.iter().all(|s| s.is_sharp(self.tree(), self.shadows.lamps)) {
+                link.visibility = self.visibility((site, &at), shares, (self.params.penumbra, s.share));
+            }
+        }
+        links
+    }
+}
+
+/// The clusters that a site links to: a cut through the lamps' tree, in the tree's order.
+fn cut(tree: &LampTree, shares: &[Share], at: &SurfacePoint) -> Vec<u32> {
+    let total: f32 = shares.iter().map(|s| s.weight).sum();
+    let mut cut = Vec::new();
+    let mut c = 0;
+    while c < tree.clusters.len() {
+        let cluster = &tree.clusters[c];
+        let share: f32 = within(shares, tree, c as u32).iter().map(|s| s.weight).sum();
+        let compact = cluster.compact(at, COMPACT);
+        if !tree.is_leaf(c) && share > LARGE_SHARE * total && !compact {
+            c += 1;
+        } else {
+            cut.push(c as u32);
+            c = cluster.next as usize;
+        }
+    }
+    cut
+}

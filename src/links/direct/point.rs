@@ -1,0 +1,96 @@
+//! Direct light at any point: what its site knows, and rays of its own where that is in doubt.
+
+use super::{Direct, DirectParams, LampLink, Query};
+use crate::light::{Rgb, mean_channel};
+use crate::links::lamps::Lamp;
+use crate::links::lamps::light::{Share, Shares, within};
+use crate::links::lamps::shadow::Shadows;
+use crate::rays::Bvh;
+
+/// Punctual lights of at least this share of a point's light get a ray each, wherever the site is sure: shadows jump.
+const SHARP_SHARE: f32 = 0.02;
+
+/// Points that their site cannot speak for send the first rays to at most this many separate sources.
+const MOST_SOURCES: f32 = 4.0;
+
+/// The light at a point whose visibility only rays can tell.
+#[derive(Default)]
+struct Doubtful {
+    /// Its parts but for sharp ones.
+    soft: Shares,
+    /// Whether a penumbra is known to be here.
+    penumbra: bool,
+    /// Σ w² over the clusters, for the number of sources.
+    squares: f32,
+}
+
+impl Direct {
+    /// Direct irradiance at any point, given the site that speaks for it; `key` decorrelates the shadow rays.
+    ///
+    /// Cost: the form factors of the clusters that the point tells apart, `first` to `penumbra` rays where the site is
+    /// in doubt, and one ray for each punctual light that matters.
+    pub fn at_point(&self, bvh: &Bvh, lamps: &[Lamp], params: &DirectParams, query: &Query) -> Rgb {
+        let mut shares = Shares::new();
+        self.tree.shares(lamps, &query.point, &mut shares);
+        if shares.is_empty() {
+            return Rgb::ZERO;
+        }
+        let shadows = Shadows { tree: &self.tree, lamps, bvh };
+        let total: f32 = shares.iter().map(|s| s.weight).sum();
+        let mut doubtful = Doubtful::default();
+        let mut sum = Rgb::ZERO;
+        let mut sort = |shares: &[Share], link: Option<&LampLink>| {
+            let known = link.filter(|l| !query.rugged && !l.penumbra && !l.visibility.is_nan());
+            let mut weight = 0.0;
+            for share in shares {
+                let sharp = share.weight >= SHARP_SHARE * total && share.is_sharp(&self.tree, lamps);
+                match known {
+                    _ if sharp => sum += shadows.one(&query.point, share),
+                    Some(link) => sum += share.light * link.visibility,
+                    None => {
+                        weight += share.weight;
+                        doubtful.soft.push(*share);
+                    }
+                }
+            }
+            doubtful.squares += weight * weight;
+            doubtful.penumbra |= weight > 0.0 && link.is_none_or(|l| l.penumbra);
+        };
+        match query.site {
+            Some(site) => {
+                for link in self.of(site as usize) {
+                    sort(within(&shares, &self.tree, link.cluster), Some(link));
+                }
+            }
+            None => sort(&shares, None),
+        }
+        let shift = params.shift(0x5eed, query.key);
+        sum + doubtful.settle(&shadows, query, (params, total, shift))
+    }
+}
+
+impl Doubtful {
+    /// All rays where a penumbra is known, else a few and more only if they disagree.
+    fn settle(
+        &self,
+        shadows: &Shadows<'_>,
+        query: &Query,
+        (params, total, shift): (&DirectParams, f32, [f32; 2]),
+    ) -> Rgb {
+        let weight: f32 = self.soft.iter().map(|s| s.weight).sum();
+        if weight <= 0.0 {
+            return Rgb::ZERO;
+        }
+        let light: Rgb = self.soft.iter().map(|s| s.light).sum();
+        let sources = (weight * weight / self.squares.max(f32::MIN_POSITIVE)).clamp(1.0, MOST_SOURCES);
+        let part = |count: u32| ((count as f32 * weight / total).ceil() as u32).max(1);
+        if !self.penumbra {
+            let first =
+                shadows.trace(&query.point, &self.soft, part((params.first as f32 * sources) as u32), shift);
+            if first.all == first.seen || mean_channel(first.seen) == 0.0 {
+                return first.dim(light);
+            }
+        }
+        shadows.trace(&query.point, &self.soft, part(params.penumbra), shift).dim(light)
+    }
+}
