@@ -18,6 +18,7 @@ use crate::links::receivers::{Receivers, Spread};
 use crate::links::rows::{RowSummary, Rows};
 use crate::rays::Bvh;
 use crate::scatter::surface::{Piece, Surface};
+use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Plot, SiteArrays, SiteId, Sites};
 use crate::solve::Solution;
 use crate::solve::field::FieldParams;
@@ -64,7 +65,7 @@ pub fn read(job: &Path) -> Result<Model> {
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, _) = lamps::split(&scene);
     let (albedo, exitance) = read_materials(job, &sites)?;
-    let (direct, receivers, spread) = read_links(job, &sites, &lamps)?;
+    let (direct, receivers, spread) = read_links(job, &sites, (&scene, &lamps))?;
     let (solution, field) = read_light(job, &receivers, &sites)?;
     Ok(Model {
         scene,
@@ -128,7 +129,7 @@ fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     finish(w, report)
 }
 
-fn read_scene(job: &Path) -> Result<(crate::scene::Scene, Bvh)> {
+fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
     let archive = open(job, "scene")?;
     let mut aligned = rkyv::util::AlignedVec::<16>::new();
     aligned.extend_from_slice(archive.array::<u8>(tag("tables"))?);
@@ -266,7 +267,7 @@ fn write_lamp_links(w: &mut Writer, direct: &Direct) -> Result<()> {
     Ok(())
 }
 
-fn read_lamp_links(archive: &Archive, sites: &Sites, lamps: &[Lamp]) -> Result<Direct> {
+fn read_lamp_links(archive: &Archive, sites: &Sites, (scene, lamps): (&Scene, &[Lamp])) -> Result<Direct> {
     let tree = LampTree::new(lamps);
     let offsets = archive.array::<u32>(tag("lamp_at"))?.to_vec();
     let clusters: &[u32] = archive.array(tag("lamp_to"))?;
@@ -287,12 +288,13 @@ fn read_lamp_links(archive: &Archive, sites: &Sites, lamps: &[Lamp]) -> Result<D
         penumbra: c & PENUMBRA != 0,
     };
     let links = clusters.iter().zip(factors).map(link).collect();
-    Ok(Direct { tree, offsets, links, rays: 0 })
+    let sky = scene.sky.as_ref().map(|sky| sky.split().0);
+    Ok(Direct { tree, offsets, links, sky, rays: 0 })
 }
 
-fn read_links(job: &Path, sites: &Sites, lamps: &[Lamp]) -> Result<(Direct, Receivers, Spread)> {
+fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Direct, Receivers, Spread)> {
     let archive = open(job, "links")?;
-    let direct = read_lamp_links(&archive, sites, lamps)?;
+    let direct = read_lamp_links(&archive, sites, lit)?;
     let spread = Spread {
         offsets: archive.array(tag("fit_at"))?.to_vec(),
         receivers: archive.array(tag("fit_to"))?.to_vec(),

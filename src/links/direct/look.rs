@@ -58,7 +58,8 @@ impl Direct {
         seen.par_iter_mut().zip(&edges).for_each(|(s, e)| s.iter_mut().zip(e).for_each(|(s, e)| s.edge = *e));
         let links: Vec<Vec<LampLink>> = (0..sites).into_par_iter().map(|s| look.refined(&seen, s)).collect();
         let rays = look.rays.into_inner();
-        let mut direct = Self { tree, offsets: vec![0], links: Vec::new(), rays };
+        let sky = around.scene.sky.as_ref().map(|sky| sky.split().0);
+        let mut direct = Self { tree, offsets: vec![0], links: Vec::new(), sky, rays };
         for of_site in links {
             direct.links.extend(of_site);
             direct.offsets.push(direct.links.len() as u32);

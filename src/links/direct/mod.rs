@@ -13,6 +13,7 @@ mod point;
 use super::lamps::{Lamp, LampTree};
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::Rgb;
+use crate::scene::Sky;
 
 /// How many shadow rays the lamps get.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -47,6 +48,8 @@ pub struct Direct {
     pub offsets: Vec<u32>,
     /// Site after site.
     pub links: Vec<LampLink>,
+    /// Light from outside that the rows meet: all of the sky but what lamps aim at.
+    pub sky: Option<Sky>,
     /// Rays traced.
     pub rays: u64,
 }

@@ -82,8 +82,7 @@ impl LampTree {
                 Look::Whole(light) => push(out, (c, None), light),
                 Look::Open if self.is_leaf(c) => {
                     for (k, unit) in cluster.units.clone().zip(self.units_of(c)) {
-                        let light = lamps[unit.lamp as usize].strength * unit.coupling(lamps, at);
-                        push(out, (c, Some(k)), light);
+                        push(out, (c, Some(k)), unit.light(lamps, at));
                     }
                 }
                 Look::Open => {

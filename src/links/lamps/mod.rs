@@ -12,6 +12,7 @@ pub use tree::LampTree;
 
 use crate::geometry::{SurfacePoint, triangle};
 use crate::light::{Rgb, mean_channel};
+use crate::scene::bright::{Bright, Texel};
 use crate::scene::{LampKind, Scene};
 
 /// Large emitters of few triangles are lamps all the same, their form factors being exact, unless emitters make up this
@@ -46,13 +47,16 @@ pub struct Lamp {
 pub enum Shape {
     /// Faces that emit.
     Emitter(Emitter),
+    /// The bright part of an image sky; its coupling includes its light, so that its strength is one.
+    Sky(Bright),
     /// A punctual light; its light fields are unused here.
     Punctual(LampKind),
 }
 
 /// Splits the scene's light sources: lamps to aim at, and for each mesh whether the rows meet its emission.
 ///
-/// Coincident faces of emitters give light once.
+/// Coincident faces of emitters give light once. The bright part of an image sky is the last lamp, named "sky"; the rows
+/// meet the rest of it, [`super::direct::Direct::sky`].
 pub fn split(scene: &Scene) -> (Vec<Lamp>, Vec<bool>) {
     let area_of = |range: &std::ops::Range<u32>| -> f64 {
         range.clone().map(|t| f64::from(triangle::area(scene.corners(t)))).sum()
@@ -87,6 +91,9 @@ pub fn split(scene: &Scene) -> (Vec<Lamp>, Vec<bool>) {
         };
         lamps.push(Lamp { name: lamp.name.clone(), strength, shape: Shape::Punctual(lamp.kind) });
     }
+    if let Some(bright) = scene.sky.as_ref().and_then(|sky| sky.split().1) {
+        lamps.push(Lamp { name: "sky".into(), strength: Rgb::ONE, shape: Shape::Sky(bright) });
+    }
     (lamps, glowing)
 }
 
@@ -97,6 +104,7 @@ impl Lamp {
     pub fn coupling(&self, at: &SurfacePoint) -> f32 {
         match &self.shape {
             Shape::Emitter(emitter) => emitter.faces.iter().map(|f| f.form_factor(at)).sum::<f32>().min(1.0),
+            Shape::Sky(bright) => bright.texels.iter().map(|t| mean_channel(texel_light(t, at))).sum(),
             Shape::Punctual(kind) => beam(kind, at),
         }
     }
@@ -105,6 +113,11 @@ impl Lamp {
     pub fn is_punctual(&self) -> bool {
         matches!(self.shape, Shape::Punctual(_))
     }
+}
+
+/// Irradiance at a point of a bright pixel of the sky.
+fn texel_light(texel: &Texel, at: &SurfacePoint) -> Rgb {
+    texel.light * texel.direction.dot(at.normal).max(0.0)
 }
 
 /// Irradiance at a point per unit of strength of a punctual light.

@@ -105,12 +105,11 @@ impl Shadows<'_> {
                 (unit, rest, Some(mean_channel(self.tree.clusters[share.cluster as usize].power)))
             }
         };
-        let lamp = &self.lamps[unit.lamp as usize];
-        let hue = lamp.strength / mean_channel(lamp.strength).max(f32::MIN_POSITIVE);
-        let (kernel, amount, ray) = aim(at, &lamp.shape, unit, [rest, y]);
+        let own = unit.power(self.lamps);
+        let (kernel, ray) = aim(at, &self.lamps[unit.lamp as usize].shape, unit, [rest, y]);
         // Units of a cluster are drawn by power: what they send is the kernel times the cluster's.
-        let power = power.unwrap_or(amount * mean_channel(lamp.strength));
-        (hue * (kernel * power / share.weight), ray)
+        let power = power.unwrap_or(mean_channel(own));
+        (own * (kernel * power / (share.weight * mean_channel(own).max(f32::MIN_POSITIVE))), ray)
     }
 
     /// The unit of a cluster at a number in [0, 1), drawn by power, and where in its interval the number fell.
@@ -124,7 +123,7 @@ impl Shadows<'_> {
             (c, rest) = narrow(rest, part, left, right);
         }
         let units = tree.units_of(c);
-        let amount = |u: &Unit| unit_amount(self.lamps, *u);
+        let amount = |u: &Unit| mean_channel(u.power(self.lamps));
         let mut left: f32 = units.iter().map(amount).sum();
         for unit in &units[..units.len() - 1] {
             let part = amount(unit) / left.max(f32::MIN_POSITIVE);
@@ -146,24 +145,19 @@ fn narrow<T>(x: f32, part: f32, first: T, second: T) -> (T, f32) {
     (choice, inner.clamp(0.0, 0.999_999))
 }
 
-/// Units of a leaf belong to one lamp: they differ by area alone.
-fn unit_amount(lamps: &[Lamp], unit: Unit) -> f32 {
-    match &lamps[unit.lamp as usize].shape {
-        Shape::Emitter(emitter) => emitter.faces[unit.part as usize].area,
-        Shape::Punctual(_) => 1.0,
-    }
-}
-
-/// Kernel, amount (area or one) and shadow ray of a point of a unit.
-fn aim(at: &SurfacePoint, shape: &Shape, unit: Unit, numbers: [f32; 2]) -> (f32, f32, Ray) {
+/// Kernel and shadow ray of a point of a unit.
+fn aim(at: &SurfacePoint, shape: &Shape, unit: Unit, numbers: [f32; 2]) -> (f32, Ray) {
     match shape {
         Shape::Emitter(emitter) => {
             let face = &emitter.faces[unit.part as usize];
             let target = face.point(numbers);
-            let end = target + face.normal * LIFT;
-            (face.kernel(at, target), face.area, Ray::between(at.lifted(), end))
+            (face.kernel(at, target), Ray::between(at.lifted(), target + face.normal * LIFT))
         }
-        Shape::Punctual(kind) => (beam(kind, at), 1.0, punctual_ray(kind, at)),
+        Shape::Sky(bright) => {
+            let direction = bright.within(&bright.texels[unit.part as usize], numbers);
+            (direction.dot(at.normal).max(0.0), Ray::new(at.lifted(), direction))
+        }
+        Shape::Punctual(kind) => (beam(kind, at), punctual_ray(kind, at)),
     }
 }
 

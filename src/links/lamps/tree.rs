@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
-use super::{Lamp, Shape, beam};
+use super::{Lamp, Shape, beam, texel_light};
 use crate::geometry::SurfacePoint;
 use crate::light::{Rgb, mean_channel};
 use crate::scene::LampKind;
@@ -118,11 +118,10 @@ impl LampTree {
             let mut child = c + 1;
             if self.is_leaf(c) {
                 for unit in self.units_of(c) {
-                    let (position, vector, amount) = unit.weight(lamps);
-                    let strength = lamps[unit.lamp as usize].strength;
-                    power += strength * amount;
-                    flow += Mat3::from_cols(strength * vector.x, strength * vector.y, strength * vector.z);
-                    focus += position * (mean_channel(strength) * amount);
+                    let (position, axis, own) = unit.weight(lamps);
+                    power += own;
+                    flow += Mat3::from_cols(own * axis.x, own * axis.y, own * axis.z);
+                    focus += position * mean_channel(own);
                 }
             }
             while child < self.clusters[c].next as usize {
@@ -169,26 +168,39 @@ impl LampTree {
 }
 
 impl Unit {
-    /// Position, area-weighted normal or direction, and amount (area or one).
-    fn weight(&self, lamps: &[Lamp]) -> (Vec3, Vec3, f32) {
-        match &lamps[self.lamp as usize].shape {
+    /// Position, normal or direction, and power: strength times area of a face, strength of others.
+    fn weight(&self, lamps: &[Lamp]) -> (Vec3, Vec3, Rgb) {
+        let lamp = &lamps[self.lamp as usize];
+        match &lamp.shape {
             Shape::Emitter(emitter) => {
                 let face = &emitter.faces[self.part as usize];
-                (centroid(&face.corners), face.normal * face.area, face.area)
+                (centroid(&face.corners), face.normal, lamp.strength * face.area)
             }
-            Shape::Punctual(LampKind::Sun { direction, .. }) => (-*direction, -*direction, 1.0),
+            Shape::Sky(bright) => {
+                let texel = &bright.texels[self.part as usize];
+                (texel.direction, texel.direction, lamp.strength * texel.light)
+            }
+            Shape::Punctual(LampKind::Sun { direction, .. }) => (-*direction, -*direction, lamp.strength),
             Shape::Punctual(LampKind::Point { position, .. } | LampKind::Spot { position, .. }) => {
-                (*position, Vec3::ZERO, 1.0)
+                (*position, Vec3::ZERO, lamp.strength)
             }
         }
     }
 
-    /// Exact unoccluded irradiance at a point per unit of the lamp's strength.
-    pub fn coupling(&self, lamps: &[Lamp], at: &SurfacePoint) -> f32 {
-        match &lamps[self.lamp as usize].shape {
-            Shape::Emitter(emitter) => emitter.faces[self.part as usize].form_factor(at),
-            Shape::Punctual(kind) => beam(kind, at),
-        }
+    /// Strength times area of a face, strength of others.
+    pub fn power(&self, lamps: &[Lamp]) -> Rgb {
+        self.weight(lamps).2
+    }
+
+    /// Exact unoccluded irradiance at a point.
+    pub fn light(&self, lamps: &[Lamp], at: &SurfacePoint) -> Rgb {
+        let lamp = &lamps[self.lamp as usize];
+        let coupling = match &lamp.shape {
+            Shape::Emitter(emitter) => Rgb::splat(emitter.faces[self.part as usize].form_factor(at)),
+            Shape::Sky(bright) => texel_light(&bright.texels[self.part as usize], at),
+            Shape::Punctual(kind) => Rgb::splat(beam(kind, at)),
+        };
+        lamp.strength * coupling
     }
 }
 
@@ -214,6 +226,13 @@ fn lamp_items(lamp: u32, of: &Lamp) -> Vec<Item> {
                 Item { unit, kind: Kind::Surface, position, radius, normal: face.normal, narrow: false }
             });
             faces.collect()
+        }
+        Shape::Sky(bright) => {
+            let texels = bright.texels.iter().enumerate().map(|(k, texel)| {
+                let unit = Unit { lamp, part: k as u32 };
+                Item { unit, radius: bright.reach(), ..item(Kind::Distant, texel.direction, false) }
+            });
+            texels.collect()
         }
         Shape::Punctual(LampKind::Sun { direction, .. }) => vec![item(Kind::Distant, -*direction, false)],
         Shape::Punctual(LampKind::Point { position, .. }) => vec![item(Kind::Beam, *position, false)],
