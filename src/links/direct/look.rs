@@ -8,7 +8,7 @@ use super::{Direct, DirectParams, LampLink};
 use crate::geometry::SurfacePoint;
 use crate::light::mean_channel;
 use crate::links::Surroundings;
-use crate::links::lamps::light::{Share, Shares, within};
+use crate::links::lamps::light::{Share, Shares, weight};
 use crate::links::lamps::shadow::Shadows;
 use crate::links::lamps::{Lamp, LampTree};
 use crate::sites::{Samples, SiteId};
@@ -80,18 +80,41 @@ impl Look<'_> {
     /// A site's clusters, with a few rays each.
     fn first(&self, site: usize) -> Vec<Seen> {
         let at = self.point(site);
+        let (cut, total) = self.cut(&at);
+        let coupling = self.couplings(site, &cut);
         let mut shares = Shares::new();
-        self.tree().shares(self.shadows.lamps, &at, &mut shares);
-        let cut = cut(self.tree(), &shares, &at);
-        let total: f32 = shares.iter().map(|s| s.weight).sum();
-        let coupling = self.couplings(site, &cut, &mut shares.clone());
         let seen = cut.iter().zip(coupling).map(|(&cluster, coupling)| {
-            let shares = within(&shares, self.tree(), cluster);
-            let share = shares.iter().map(|s| s.weight).sum::<f32>() / total.max(f32::MIN_POSITIVE);
-            let visibility = self.visibility((site, &at), shares, (self.params.first, share));
+            shares.clear();
+            self.tree().shares_of(cluster, self.shadows.lamps, &at, &mut shares);
+            let share = weight(&shares) / total.max(f32::MIN_POSITIVE);
+            let visibility = self.visibility((site, &at), &shares, (self.params.first, share));
             Seen { link: LampLink { cluster, visibility, coupling, penumbra: false }, share, edge: false }
         });
         seen.collect()
+    }
+
+    /// The clusters that a site links to, in the tree's order, and the light at the site were nothing in the way.
+    fn cut(&self, at: &SurfacePoint) -> (Vec<u32>, f32) {
+        let tree = self.tree();
+        let mut shares = Shares::new();
+        let mut light = |cluster: u32| {
+            shares.clear();
+            tree.shares_of(cluster, self.shadows.lamps, at, &mut shares);
+            weight(&shares)
+        };
+        let total: f32 = tree.roots.iter().map(|&root| light(root)).sum();
+        let (mut cut, mut c) = (Vec::new(), 0);
+        while c < tree.clusters.len() {
+            let cluster = &tree.clusters[c];
+            let closed = tree.is_leaf(c) || cluster.compact(at, COMPACT);
+            if closed || light(c as u32) <= LARGE_SHARE * total {
+                cut.push(c as u32);
+                c = cluster.next as usize;
+            } else {
+                c += 1;
+            }
+        }
+        (cut, total)
     }
 
     /// Visible share of some light at a site, by its part of `count` rays.
@@ -111,24 +134,23 @@ impl Look<'_> {
     }
 
     /// Per cluster of the cut the unoccluded light per unit of its power, averaged over what the site stands for.
-    fn couplings(&self, site: usize, cut: &[u32], shares: &mut Shares) -> Vec<f32> {
-        let mut sums = vec![0.0f32; cut.len()];
-        let mut add = |shares: &[Share], area: f32| {
-            for (sum, &cluster) in sums.iter_mut().zip(cut) {
-                *sum += within(shares, self.tree(), cluster).iter().map(|s| s.weight).sum::<f32>() * area;
-            }
-        };
+    fn couplings(&self, site: usize, cut: &[u32]) -> Vec<f32> {
         let points = self.samples.of(site);
         let area: f32 = points.iter().map(|(_, area)| area).sum();
-        for (candidate, part) in points {
-            self.tree().shares(self.shadows.lamps, &candidate.point, shares);
-            add(shares, part / area);
-        }
-        if points.is_empty() {
-            add(shares, 1.0);
-        }
-        let power = |cluster: u32| mean_channel(self.tree().clusters[cluster as usize].power);
-        sums.iter().zip(cut).map(|(sum, &c)| sum / power(c).max(f32::MIN_POSITIVE)).collect()
+        let mut shares = Shares::new();
+        let mut light = |cluster: u32, at: &SurfacePoint| {
+            shares.clear();
+            self.tree().shares_of(cluster, self.shadows.lamps, at, &mut shares);
+            weight(&shares)
+        };
+        let mean = |cluster: &u32| {
+            let power = mean_channel(self.tree().clusters[*cluster as usize].power).max(f32::MIN_POSITIVE);
+            if points.is_empty() {
+                return light(*cluster, &self.point(site)) / power;
+            }
+            points.iter().map(|(c, part)| light(*cluster, &c.point) * (part / area)).sum::<f32>() / power
+        };
+        cut.iter().map(mean).collect()
     }
 
     /// Which of a site's clusters are seen in part, or differently by a neighbour.
@@ -184,32 +206,13 @@ impl Look<'_> {
         }
         let at = self.point(site);
         let mut shares = Shares::new();
-        self.tree().shares(self.shadows.lamps, &at, &mut shares);
         for (link, s) in links.iter_mut().zip(&seen[site]).filter(|(l, s)| s.edge && !l.visibility.is_nan()) {
-            let shares = within(&shares, self.tree(), link.cluster);
+            shares.clear();
+            self.tree().shares_of(link.cluster, self.shadows.lamps, &at, &mut shares);
             if !shares.iter().all(|s| s.is_sharp(self.tree(), self.shadows.lamps)) {
-                link.visibility = self.visibility((site, &at), shares, (self.params.penumbra, s.share));
+                link.visibility = self.visibility((site, &at), &shares, (self.params.penumbra, s.share));
             }
         }
         links
     }
-}
-
-/// The clusters that a site links to: a cut through the lamps' tree, in the tree's order.
-fn cut(tree: &LampTree, shares: &[Share], at: &SurfacePoint) -> Vec<u32> {
-    let total: f32 = shares.iter().map(|s| s.weight).sum();
-    let mut cut = Vec::new();
-    let mut c = 0;
-    while c < tree.clusters.len() {
-        let cluster = &tree.clusters[c];
-        let share: f32 = within(shares, tree, c as u32).iter().map(|s| s.weight).sum();
-        let compact = cluster.compact(at, COMPACT);
-        if !tree.is_leaf(c) && share > LARGE_SHARE * total && !compact {
-            c += 1;
-        } else {
-            cut.push(c as u32);
-            c = cluster.next as usize;
-        }
-    }
-    cut
 }

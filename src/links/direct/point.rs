@@ -1,9 +1,11 @@
 //! Direct light at any point: what its site knows, and rays of its own where that is in doubt.
 
+use smallvec::SmallVec;
+
 use super::{Direct, DirectParams, LampLink, Query};
 use crate::light::{Rgb, mean_channel};
 use crate::links::lamps::Lamp;
-use crate::links::lamps::light::{Share, Shares, within};
+use crate::links::lamps::light::{Share, Shares, weight};
 use crate::links::lamps::shadow::Shadows;
 use crate::rays::Bvh;
 
@@ -30,40 +32,46 @@ impl Direct {
     /// Cost: the form factors of the clusters that the point tells apart, `first` to `penumbra` rays where the site is
     /// in doubt, and one ray for each punctual light that matters.
     pub fn at_point(&self, bvh: &Bvh, lamps: &[Lamp], params: &DirectParams, query: &Query) -> Rgb {
-        let mut shares = Shares::new();
-        self.tree.shares(lamps, &query.point, &mut shares);
+        let links = query.site.map_or(&[][..], |site| self.of(site as usize));
+        // As fine as the site's links at least: each has its own visibility.
+        let (mut shares, mut ends) = (Shares::new(), SmallVec::<[usize; 32]>::new());
+        for link in links {
+            self.tree.shares_of(link.cluster, lamps, &query.point, &mut shares);
+            ends.push(shares.len());
+        }
+        if links.is_empty() {
+            self.tree.shares(lamps, &query.point, &mut shares);
+        }
         if shares.is_empty() {
             return Rgb::ZERO;
         }
         let shadows = Shadows { tree: &self.tree, lamps, bvh };
-        let total: f32 = shares.iter().map(|s| s.weight).sum();
+        let total = weight(&shares);
         let mut doubtful = Doubtful::default();
         let mut sum = Rgb::ZERO;
         let mut sort = |shares: &[Share], link: Option<&LampLink>| {
             let known = link.filter(|l| !query.rugged && !l.penumbra && !l.visibility.is_nan());
-            let mut weight = 0.0;
+            let mut own = 0.0;
             for share in shares {
                 let sharp = share.weight >= SHARP_SHARE * total && share.is_sharp(&self.tree, lamps);
                 match known {
                     _ if sharp => sum += shadows.one(&query.point, share),
                     Some(link) => sum += share.light * link.visibility,
                     None => {
-                        weight += share.weight;
+                        own += share.weight;
                         doubtful.soft.push(*share);
                     }
                 }
             }
-            doubtful.squares += weight * weight;
-            doubtful.penumbra |= weight > 0.0 && link.is_none_or(|l| l.penumbra);
+            doubtful.squares += own * own;
+            doubtful.penumbra |= own > 0.0 && link.is_none_or(|l| l.penumbra);
         };
-        match query.site {
-            Some(site) => {
-                for link in self.of(site as usize) {
-                    sort(within(&shares, &self.tree, link.cluster), Some(link));
-                }
-            }
-            None => sort(&shares, None),
+        let mut start = 0;
+        for (link, &end) in links.iter().zip(&ends) {
+            sort(&shares[start..end], Some(link));
+            start = end;
         }
+        sort(&shares[start..], None);
         let shift = params.shift(0x5eed, query.key);
         sum + doubtful.settle(&shadows, query, (params, total, shift))
     }
@@ -77,13 +85,13 @@ impl Doubtful {
         query: &Query,
         (params, total, shift): (&DirectParams, f32, [f32; 2]),
     ) -> Rgb {
-        let weight: f32 = self.soft.iter().map(|s| s.weight).sum();
-        if weight <= 0.0 {
+        let own = weight(&self.soft);
+        if own <= 0.0 {
             return Rgb::ZERO;
         }
         let light: Rgb = self.soft.iter().map(|s| s.light).sum();
-        let sources = (weight * weight / self.squares.max(f32::MIN_POSITIVE)).clamp(1.0, MOST_SOURCES);
-        let part = |count: u32| ((count as f32 * weight / total).ceil() as u32).max(1);
+        let sources = (own * own / self.squares.max(f32::MIN_POSITIVE)).clamp(1.0, MOST_SOURCES);
+        let part = |count: u32| ((count as f32 * own / total).ceil() as u32).max(1);
         if !self.penumbra {
             let first =
                 shadows.trace(&query.point, &self.soft, part((params.first as f32 * sources) as u32), shift);

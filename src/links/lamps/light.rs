@@ -69,13 +69,14 @@ enum Look {
 }
 
 impl LampTree {
-    /// Splits the unoccluded light at a point by its origin; what sends nothing is left out.
+    /// Appends the unoccluded light at a point by its origin, from one cluster and those below; what sends nothing is left
+    /// out.
     ///
     /// Accuracy: exact up to 0.5 % of each share seen as a whole. Cost: about 10 ns a share.
-    pub fn shares(&self, lamps: &[Lamp], at: &SurfacePoint, out: &mut Shares) {
-        out.clear();
-        let mut c = 0;
-        while c < self.clusters.len() {
+    pub fn shares_of(&self, cluster: u32, lamps: &[Lamp], at: &SurfacePoint, out: &mut Shares) {
+        let mut c = cluster as usize;
+        let end = self.clusters[c].next as usize;
+        while c < end {
             let cluster = &self.clusters[c];
             match look(cluster, at, self.is_leaf(c)) {
                 Look::Dark => {}
@@ -93,6 +94,16 @@ impl LampTree {
             c = cluster.next as usize;
         }
     }
+
+    /// [`LampTree::shares_of`] all lamps.
+    pub fn shares(&self, lamps: &[Lamp], at: &SurfacePoint, out: &mut Shares) {
+        self.roots.iter().for_each(|&root| self.shares_of(root, lamps, at, out));
+    }
+}
+
+/// The mean channel of some light.
+pub fn weight(shares: &[Share]) -> f32 {
+    shares.iter().map(|s| s.weight).sum()
 }
 
 fn push(out: &mut Shares, (cluster, unit): (usize, Option<u32>), light: Rgb) {
@@ -100,13 +111,6 @@ fn push(out: &mut Shares, (cluster, unit): (usize, Option<u32>), light: Rgb) {
     if weight > 0.0 {
         out.push(Share { cluster: cluster as u32, unit, light, weight });
     }
-}
-
-/// The shares of a cluster and its descendants.
-pub fn within<'a>(shares: &'a [Share], tree: &LampTree, cluster: u32) -> &'a [Share] {
-    let first = shares.partition_point(|s| s.cluster < cluster);
-    let last = shares.partition_point(|s| s.cluster < tree.clusters[cluster as usize].next);
-    &shares[first..last]
 }
 
 fn look(cluster: &Cluster, at: &SurfacePoint, leaf: bool) -> Look {

@@ -5,7 +5,7 @@
 
 use glam::Vec3;
 
-use super::light::{Share, Shares};
+use super::light::{Share, Shares, weight};
 use super::tree::{LampTree, Unit};
 use super::{Lamp, Shape, beam};
 use crate::geometry::{LIFT, SurfacePoint, hemisphere};
@@ -57,7 +57,7 @@ impl Verdict {
 impl Shadows<'_> {
     /// Traces `count` rays to points spread over the shares in proportion to their light; `shift` decorrelates points.
     pub fn trace(&self, at: &SurfacePoint, shares: &[Share], count: u32, shift: [f32; 2]) -> Verdict {
-        let total: f32 = shares.iter().map(|s| s.weight).sum();
+        let total = weight(shares);
         let mut verdict = Verdict::default();
         if total <= 0.0 {
             return verdict;
