@@ -25,6 +25,11 @@ const LARGE_SHARE: f32 = 1.0 / 16.0;
 /// … unless their radius over distance is at most this: who sees one end of them sees the other.
 const COMPACT: f32 = 0.25;
 
+/// Sites of more links than this average the lamps' light over [`FEW_SAMPLES`] of their samples only: each link's error is
+/// a small share of the light, and rows average over sites.
+const MANY: usize = 8;
+const FEW_SAMPLES: usize = 4;
+
 /// What a site first sees, and what is found out about it.
 struct Seen {
     link: LampLink,
@@ -80,41 +85,34 @@ impl Look<'_> {
     /// A site's clusters, with a few rays each.
     fn first(&self, site: usize) -> Vec<Seen> {
         let at = self.point(site);
-        let (cut, total) = self.cut(&at);
+        let mut light = LightAt::new(self.shadows, at);
+        let cut = self.cut(&mut light);
+        let total = light.total;
         let coupling = self.couplings(site, &cut);
-        let mut shares = Shares::new();
         let seen = cut.iter().zip(coupling).map(|(&cluster, coupling)| {
-            shares.clear();
-            self.tree().shares_of(cluster, self.shadows.lamps, &at, &mut shares);
-            let share = weight(&shares) / total.max(f32::MIN_POSITIVE);
-            let visibility = self.visibility((site, &at), &shares, (self.params.first, share));
+            let shares = light.of(cluster);
+            let share = weight(shares) / total.max(f32::MIN_POSITIVE);
+            let visibility = self.visibility((site, &at), shares, (self.params.first, share));
             Seen { link: LampLink { cluster, visibility, coupling, penumbra: false }, share, edge: false }
         });
         seen.collect()
     }
 
-    /// The clusters that a site links to, in the tree's order, and the light at the site were nothing in the way.
-    fn cut(&self, at: &SurfacePoint) -> (Vec<u32>, f32) {
+    /// The clusters that a site links to, in the tree's order.
+    fn cut(&self, light: &mut LightAt<'_>) -> Vec<u32> {
         let tree = self.tree();
-        let mut shares = Shares::new();
-        let mut light = |cluster: u32| {
-            shares.clear();
-            tree.shares_of(cluster, self.shadows.lamps, at, &mut shares);
-            weight(&shares)
-        };
-        let total: f32 = tree.roots.iter().map(|&root| light(root)).sum();
         let (mut cut, mut c) = (Vec::new(), 0);
         while c < tree.clusters.len() {
             let cluster = &tree.clusters[c];
-            let closed = tree.is_leaf(c) || cluster.compact(at, COMPACT);
-            if closed || light(c as u32) <= LARGE_SHARE * total {
+            let closed = tree.is_leaf(c) || cluster.compact(&light.at, COMPACT);
+            if closed || weight(light.of(c as u32)) <= LARGE_SHARE * light.total {
                 cut.push(c as u32);
                 c = cluster.next as usize;
             } else {
                 c += 1;
             }
         }
-        (cut, total)
+        cut
     }
 
     /// Visible share of some light at a site, by its part of `count` rays.
@@ -136,7 +134,9 @@ impl Look<'_> {
     /// Per cluster of the cut the unoccluded light per unit of its power, averaged over what the site stands for.
     fn couplings(&self, site: usize, cut: &[u32]) -> Vec<f32> {
         let points = self.samples.of(site);
-        let area: f32 = points.iter().map(|(_, area)| area).sum();
+        let step = if cut.len() > MANY { points.len().div_ceil(FEW_SAMPLES).max(1) } else { 1 };
+        let points: Vec<_> = points.iter().step_by(step).collect();
+        let area: f32 = points.iter().map(|p| p.1).sum();
         let mut shares = Shares::new();
         let mut light = |cluster: u32, at: &SurfacePoint| {
             shares.clear();
@@ -148,7 +148,7 @@ impl Look<'_> {
             if points.is_empty() {
                 return light(*cluster, &self.point(site)) / power;
             }
-            points.iter().map(|(c, part)| light(*cluster, &c.point) * (part / area)).sum::<f32>() / power
+            points.iter().map(|p| light(*cluster, &p.0.point) * (p.1 / area)).sum::<f32>() / power
         };
         cut.iter().map(mean).collect()
     }
@@ -214,5 +214,39 @@ impl Look<'_> {
             }
         }
         links
+    }
+}
+
+/// The unoccluded light at one point, ready to be asked for any cluster.
+struct LightAt<'a> {
+    shadows: Shadows<'a>,
+    at: SurfacePoint,
+    /// Of all lamps.
+    shares: Shares,
+    total: f32,
+    /// Of a cluster that lies within one of the shares.
+    finer: Shares,
+}
+
+impl<'a> LightAt<'a> {
+    fn new(shadows: Shadows<'a>, at: SurfacePoint) -> Self {
+        let mut shares = Shares::new();
+        shadows.tree.shares(shadows.lamps, &at, &mut shares);
+        let total = weight(&shares);
+        Self { shadows, at, shares, total, finer: Shares::new() }
+    }
+
+    fn of(&mut self, cluster: u32) -> &[Share] {
+        let tree = self.shadows.tree;
+        let next = tree.clusters[cluster as usize].next;
+        let first = self.shares.partition_point(|s| s.cluster < cluster);
+        let last = self.shares.partition_point(|s| s.cluster < next);
+        let above = self.shares[..first].last().map(|s| tree.clusters[s.cluster as usize].next);
+        if first < last || above.is_none_or(|end| end <= cluster) {
+            return &self.shares[first..last];
+        }
+        self.finer.clear();
+        tree.shares_of(cluster, self.shadows.lamps, &self.at, &mut self.finer);
+        &self.finer
     }
 }

@@ -12,7 +12,7 @@ use crate::rays::Bvh;
 /// Punctual lights of at least this share of a point's light get a ray each, wherever the site is sure: shadows jump.
 const SHARP_SHARE: f32 = 0.02;
 
-/// Points that their site cannot speak for send the first rays to at most this many separate sources.
+/// Rays are per source; more sources than these share the rays of as many, and none of them matters by itself.
 const MOST_SOURCES: f32 = 4.0;
 
 /// The light at a point whose visibility only rays can tell.
@@ -99,6 +99,7 @@ impl Doubtful {
                 return first.dim(light);
             }
         }
-        shadows.trace(&query.point, &self.soft, part(params.penumbra), shift).dim(light)
+        let count = part((params.penumbra as f32 * sources) as u32);
+        shadows.trace(&query.point, &self.soft, count, shift).dim(light)
     }
 }

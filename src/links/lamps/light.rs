@@ -12,8 +12,11 @@ use crate::light::{Rgb, mean_channel};
 /// A square seen head on at R/d errs by ⅔ (R/d)² = 0.5 %, and by less, of either sign, at an angle.
 const FAR: f32 = 1.0 / 12.0;
 
-/// The same for leaves, whose units are as cheap to see one by one: ⅔ (R/d)² = 0.1 %.
+/// The same for leaves of at least [`LEAF_SHARE`] of the lamps' power: ⅔ (R/d)² = 0.1 %. Of one emitter it is all.
 const FAR_LEAF: f32 = 1.0 / 24.0;
+
+/// Leaves of less power are many, and their errors differ in sign.
+const LEAF_SHARE: f32 = 1.0 / 64.0;
 
 /// From here on clusters are seen as one even where the receiver's horizon, or the emitters' own, runs through them.
 const TINY: f32 = 1.0 / 64.0;
@@ -78,7 +81,8 @@ impl LampTree {
         let end = self.clusters[c].next as usize;
         while c < end {
             let cluster = &self.clusters[c];
-            match look(cluster, at, self.is_leaf(c)) {
+            let exact = self.is_leaf(c) && mean_channel(cluster.power) >= LEAF_SHARE * self.power;
+            match look(cluster, at, if exact { FAR_LEAF } else { FAR }) {
                 Look::Dark => {}
                 Look::Whole(light) => push(out, (c, None), light),
                 Look::Open if self.is_leaf(c) => {
@@ -113,7 +117,7 @@ fn push(out: &mut Shares, (cluster, unit): (usize, Option<u32>), light: Rgb) {
     }
 }
 
-fn look(cluster: &Cluster, at: &SurfacePoint, leaf: bool) -> Look {
+fn look(cluster: &Cluster, at: &SurfacePoint, far: f32) -> Look {
     if cluster.kind == Kind::Distant {
         return distant(cluster, at);
     }
@@ -133,9 +137,8 @@ fn look(cluster: &Cluster, at: &SurfacePoint, leaf: bool) -> Look {
         return Look::Dark;
     }
     let whole = height >= cluster.radius && facing == Some(true);
-    let far = size <= if leaf { FAR_LEAF } else { FAR };
     let tiny = size <= TINY && (cluster.kind == Kind::Beam || cluster.cosine >= NARROW_CONE);
-    if cluster.narrow || !((far && whole) || tiny) {
+    if cluster.narrow || !((size <= far && whole) || tiny) {
         return Look::Open;
     }
     let d = cluster.focus - at.position;

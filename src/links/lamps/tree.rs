@@ -79,6 +79,8 @@ pub struct LampTree {
     pub clusters: Vec<Cluster>,
     /// The trees' roots.
     pub roots: Vec<u32>,
+    /// Mean channel of the power of all.
+    pub power: f32,
 }
 
 /// A unit while the tree grows.
@@ -136,6 +138,7 @@ impl LampTree {
             cluster.focus = if total > 0.0 { focus / total } else { cluster.centre };
             (cluster.power, cluster.flow) = (power, flow);
         }
+        self.power = self.roots.iter().map(|&r| mean_channel(self.clusters[r as usize].power)).sum();
     }
 
     /// Whether a cluster has no clusters below it.
