@@ -40,7 +40,10 @@ impl Direct {
             ends.push(shares.len());
         }
         if links.is_empty() {
-            self.tree.shares(lamps, &query.point, &mut shares);
+            for &root in &self.tree.roots {
+                self.tree.shares_of(root, lamps, &query.point, &mut shares);
+                ends.push(shares.len());
+            }
         }
         if shares.is_empty() {
             return Rgb::ZERO;
@@ -67,11 +70,10 @@ impl Direct {
             doubtful.penumbra |= own > 0.0 && link.is_none_or(|l| l.penumbra);
         };
         let mut start = 0;
-        for (link, &end) in links.iter().zip(&ends) {
-            sort(&shares[start..end], Some(link));
+        for (k, &end) in ends.iter().enumerate() {
+            sort(&shares[start..end], links.get(k));
             start = end;
         }
-        sort(&shares[start..], None);
         let shift = params.shift(0x5eed, query.key);
         sum + doubtful.settle(&shadows, query, (params, total, shift))
     }

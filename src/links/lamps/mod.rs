@@ -26,7 +26,7 @@ pub const LARGEST_ANALYTIC_SHARE: f64 = 0.6;
 pub const LARGEST_LAMP_SHARE: f64 = 0.05;
 
 /// Emitters of more triangles than this are not lamps for the exactness of their form factors.
-const MOST_ANALYTIC: usize = 128;
+const MOST_ANALYTIC: usize = 1 << 16;
 
 /// Where emitters make up [`LARGEST_ANALYTIC_SHARE`] of the area, those brighter than this many times their mean are lamps.
 const OUTSHINES: f64 = 2.0;

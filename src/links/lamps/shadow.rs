@@ -42,15 +42,11 @@ impl Verdict {
         (all > 0.0).then(|| mean_channel(self.seen) / all)
     }
 
-    /// What is left of some light.
+    /// What is left of some light, by channel; by the mean channel where no sample has any of a channel.
     pub fn dim(&self, light: Rgb) -> Rgb {
-        let ratio = |seen: f32, all: f32| if all > 0.0 { seen / all } else { 0.0 };
-        light
-            * Rgb::new(
-                ratio(self.seen.x, self.all.x),
-                ratio(self.seen.y, self.all.y),
-                ratio(self.seen.z, self.all.z),
-            )
+        let Some(mean) = self.visibility() else { return Rgb::ZERO };
+        let ratio = |k: usize| if self.all[k] > 0.0 { self.seen[k] / self.all[k] } else { mean };
+        light * Rgb::new(ratio(0), ratio(1), ratio(2))
     }
 }
 

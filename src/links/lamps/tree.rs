@@ -283,6 +283,11 @@ fn divide(items: &mut [Item]) -> usize {
     }
     let (low, high) = extent(items, |i| i.position);
     let axis = (high - low).max_position();
-    items.sort_by(|a, b| a.position[axis].total_cmp(&b.position[axis]));
-    items.len() / 2
+    let half = items.len() / 2;
+    let place = |i: &Item| (i.position[axis], (i.unit.lamp, i.unit.part));
+    items.select_nth_unstable_by(half, |a, b| {
+        let ((p, own), (q, other)) = (place(a), place(b));
+        p.total_cmp(&q).then(own.cmp(&other))
+    });
+    half
 }
