@@ -135,10 +135,12 @@ fn clusters_add_up_to_the_dense_sum() {
             got.push(f64::from(weight(&shares)));
             want.push(lamps.iter().map(|l| f64::from(mean_channel(l.strength) * l.coupling(&at))).sum());
         }
-        // Clusters seen as one err by ⅔ (R/d)² ≤ 0.5 % head on, R/d ≤ 1/12.
+        // Clusters seen as one err by ⅔ (R/d)² ≤ 0.5 % head on, R/d ≤ 1/12, without the second term of the kernel's
+        // expansion, which takes away a half to all of that, by the clusters' shape.
         let error = error(&got, &want);
         println!("{name}: {:.4} %", 100.0 * error);
-        assert!(error < 0.005, "{name}: {error}");
+        let limit = if name.starts_with("ball") || name.starts_with("both") { 0.005 } else { 0.0025 };
+        assert!(error < limit, "{name}: {error}");
     }
 }
 

@@ -1,5 +1,6 @@
 //! What the lamps would send to a point, were nothing in the way: near units exactly, far clusters as one.
 
+use glam::Vec3;
 use smallvec::SmallVec;
 
 use super::Lamp;
@@ -9,7 +10,8 @@ use crate::light::{Rgb, mean_channel};
 
 /// Clusters whose radius over distance is at most this are seen as one.
 ///
-/// A square seen head on at R/d errs by ⅔ (R/d)² = 0.5 %, and by less, of either sign, at an angle.
+/// A square seen head on at R/d errs by ⅔ (R/d)² = 0.5 % in the first term of the kernel's expansion, of which the second
+/// takes away most (all but the clusters' length against their width).
 const FAR: f32 = 1.0 / 12.0;
 
 /// The same for leaves of at least [`LEAF_SHARE`] of the lamps' power: ⅔ (R/d)² = 0.1 %. Of one emitter it is all.
@@ -75,7 +77,7 @@ impl LampTree {
     /// Appends the unoccluded light at a point by its origin, from one cluster and those below; what sends nothing is left
     /// out.
     ///
-    /// Accuracy: exact up to 0.5 % of each share seen as a whole. Cost: about 10 ns a share.
+    /// Accuracy: exact up to 0.1 or 0.2 % of each share seen as a whole. Cost: about 10 ns a share.
     pub fn shares_of(&self, cluster: u32, lamps: &[Lamp], at: &SurfacePoint, out: &mut Shares) {
         let mut c = cluster as usize;
         let end = self.clusters[c].next as usize;
@@ -146,8 +148,33 @@ fn look(cluster: &Cluster, at: &SurfacePoint, far: f32) -> Look {
     let here = d.dot(at.normal).max(0.0);
     Look::Whole(match cluster.kind {
         Kind::Beam => cluster.power * (here / (square * square.sqrt())),
-        _ => (cluster.flow * -d).max(Rgb::ZERO) * (here / (std::f32::consts::PI * square * square)),
+        _ => {
+            let light = (cluster.flow * -d).max(Rgb::ZERO);
+            let kernel = here / (std::f32::consts::PI * square * square);
+            let bent = bend(cluster, at, d) / mean_channel(light).max(f32::MIN_POSITIVE);
+            light * (kernel * (bulge(cluster, at, d) + bent.clamp(-0.1, 0.1)))
+        }
     })
+}
+
+/// The second term of the kernel's expansion about a cluster's focus at `d` from the point, over the first.
+///
+/// With h = n·d, g = −m·d and f = h g / r⁴, ½ σ² (∇² − ∂²/∂m²) f / f = ½ σ²/r² (8 − 8 (n·m) g/h − 24 g²/r²) for a disc with
+/// normal m and variance σ² along each of its axes. Head on this is −4 σ²/r².
+fn bulge(cluster: &Cluster, at: &SurfacePoint, d: Vec3) -> f32 {
+    let square = d.length_squared().max(f32::MIN_POSITIVE);
+    let (h, g) = (d.dot(at.normal), -d.dot(cluster.axis));
+    let variance = 0.5 * cluster.spread / square;
+    let turn = at.normal.dot(cluster.axis) * g / h.max(f32::MIN_POSITIVE);
+    1.0 + (0.5 * variance * (8.0 - 8.0 * turn - 24.0 * g * g / square)).clamp(-0.1, 0.1)
+}
+
+/// What curved clusters add to Σ power · m·(−d): their normals m vary with the offsets δ from the focus, and so does the
+/// rest of the kernel, h/r⁴, by (n/h − 4 d/r²)·δ of itself.
+fn bend(cluster: &Cluster, at: &SurfacePoint, d: Vec3) -> f32 {
+    let lean = &cluster.lean;
+    let slope = at.normal / d.dot(at.normal).max(f32::MIN_POSITIVE) - d * (4.0 / d.length_squared());
+    -d.dot(*lean * slope) - (lean.x_axis.x + lean.y_axis.y + lean.z_axis.z)
 }
 
 /// Whether all faces (true) or none (false) of a cluster look to a point that sees it at this radius over distance;

@@ -25,8 +25,13 @@ pub const LARGEST_ANALYTIC_SHARE: f64 = 0.6;
 /// per cent of its light; below that, aimed rays are cheaper for the same error.
 pub const LARGEST_LAMP_SHARE: f64 = 0.05;
 
-/// Emitters of more triangles than this are not lamps for the exactness of their form factors.
-const MOST_ANALYTIC: usize = 1 << 16;
+/// Emitters of more triangles than this are not lamps for the exactness of their form factors, …
+const MOST_ANALYTIC: usize = 128;
+
+/// … unless they have at most this share of the scene's area: clusters of faces cost little then, whereas sites may be
+/// coarser than what glows (a thousand quads of 7 % together: 4.7 % error and 17.7 s by rows, 2.5 % and 3.9 s by lamps).
+/// Larger ones surround what they light, and what clusters leave out would add up.
+const LARGEST_CLUSTERED_SHARE: f64 = 0.15;
 
 /// Where emitters make up [`LARGEST_ANALYTIC_SHARE`] of the area, those brighter than this many times their mean are lamps.
 const OUTSHINES: f64 = 2.0;
@@ -74,8 +79,8 @@ pub fn split(scene: &Scene) -> (Vec<Lamp>, Vec<bool>) {
             continue;
         }
         let large = areas[k] > LARGEST_LAMP_SHARE * total;
-        let (analytic, outshines) =
-            (mesh.triangles.len() <= MOST_ANALYTIC, radiance(k) * emitting > OUTSHINES * power);
+        let analytic = mesh.triangles.len() <= MOST_ANALYTIC || areas[k] <= LARGEST_CLUSTERED_SHARE * total;
+        let outshines = radiance(k) * emitting > OUTSHINES * power;
         if if furnace { large || !outshines } else { large && !analytic } {
             glowing[k] = true;
             continue;

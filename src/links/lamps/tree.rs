@@ -64,6 +64,10 @@ pub struct Cluster {
     pub narrow: bool,
     /// Mean position, by power.
     pub focus: Vec3,
+    /// Mean squared distance from there, by power.
+    pub spread: f32,
+    /// Σ power · normal ⊗ offset from the focus, mean channel: of a convex surface, normals lean the way they lie.
+    pub lean: Mat3,
     /// Σ strength · area ⊗ normal of faces, Σ strength ⊗ direction of distant lights.
     pub flow: Mat3,
     /// Σ strength · area of faces, Σ strength of others.
@@ -122,7 +126,7 @@ impl LampTree {
                 for unit in self.units_of(c) {
                     let (position, axis, own) = unit.weight(lamps);
                     power += own;
-                    flow += Mat3::from_cols(own * axis.x, own * axis.y, own * axis.z);
+                    flow += outer(own, axis);
                     focus += position * mean_channel(own);
                 }
             }
@@ -133,12 +137,37 @@ impl LampTree {
                 focus += below.focus * mean_channel(below.power);
                 child = below.next as usize;
             }
-            let cluster = &mut self.clusters[c];
             let total = mean_channel(power);
-            cluster.focus = if total > 0.0 { focus / total } else { cluster.centre };
-            (cluster.power, cluster.flow) = (power, flow);
+            let focus = if total > 0.0 { focus / total } else { self.clusters[c].centre };
+            let (squares, lean) = self.moments(c, focus, lamps);
+            let cluster = &mut self.clusters[c];
+            (cluster.power, cluster.flow, cluster.focus) = (power, flow, focus);
+            (cluster.spread, cluster.lean) = (if total > 0.0 { squares / total } else { 0.0 }, lean);
         }
         self.power = self.roots.iter().map(|&r| mean_channel(self.clusters[r as usize].power)).sum();
+    }
+
+    /// Σ power · squared distance from a cluster's focus, and its [`Cluster::lean`], those below it being known.
+    fn moments(&self, cluster: usize, focus: Vec3, lamps: &[Lamp]) -> (f32, Mat3) {
+        let (mut squares, mut lean) = (0.0, Mat3::ZERO);
+        if self.is_leaf(cluster) {
+            for unit in self.units_of(cluster) {
+                let (position, axis, power) = unit.weight(lamps);
+                let offset = position - focus;
+                squares += mean_channel(power) * (offset.length_squared() + unit.spread(lamps));
+                lean += outer(axis * mean_channel(power), offset);
+            }
+            return (squares, lean);
+        }
+        let mut child = cluster + 1;
+        while child < self.clusters[cluster].next as usize {
+            let below = &self.clusters[child];
+            let offset = below.focus - focus;
+            squares += mean_channel(below.power) * (offset.length_squared() + below.spread);
+            lean += below.lean + outer(below.flow.transpose() * Vec3::splat(1.0 / 3.0), offset);
+            child = below.next as usize;
+        }
+        (squares, lean)
     }
 
     /// Whether a cluster has no clusters below it.
@@ -190,6 +219,13 @@ impl Unit {
         }
     }
 
+    /// Mean squared distance of its points from their mean.
+    fn spread(&self, lamps: &[Lamp]) -> f32 {
+        let Shape::Emitter(emitter) = &lamps[self.lamp as usize].shape else { return 0.0 };
+        let [a, b, c] = emitter.faces[self.part as usize].corners;
+        (a.distance_squared(b) + b.distance_squared(c) + c.distance_squared(a)) * (1.0 / 36.0)
+    }
+
     /// Strength times area of a face, strength of others.
     pub fn power(&self, lamps: &[Lamp]) -> Rgb {
         self.weight(lamps).2
@@ -205,6 +241,11 @@ impl Unit {
         };
         lamp.strength * coupling
     }
+}
+
+/// The matrix that takes v to a (b · v).
+fn outer(a: Vec3, b: Vec3) -> Mat3 {
+    Mat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 fn centroid(corners: &[Vec3; 3]) -> Vec3 {
@@ -261,6 +302,8 @@ fn bounds(items: &[Item], units: Range<u32>) -> Cluster {
         next: 0,
         narrow: items.iter().any(|i| i.narrow),
         focus: centre,
+        spread: 0.0,
+        lean: Mat3::ZERO,
         flow: Mat3::ZERO,
         power: Rgb::ZERO,
     }
