@@ -91,7 +91,7 @@ impl Model {
             direct: &self.direct,
             albedo: &self.albedo,
             exitance: &self.exitance,
-            sky: self.scene.sky.as_ref(),
+            sky: self.direct.sky.as_ref(),
         }
     }
 

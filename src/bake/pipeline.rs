@@ -95,7 +95,9 @@ pub fn build(
     let stage = Stage::start(monitor, "rows", "receivers", None);
     let surface = Surface::new(&scene, leaf_order(&bvh));
     let (lamps, glowing) = lamps::split(&scene);
-    let shines = |at: &SurfacePoint| lamps.iter().any(|l| l.reaches(at, &bvh));
+    let tree = lamps::LampTree::new(&lamps);
+    let shadows = lamps::shadow::Shadows { tree: &tree, lamps: &lamps, bvh: &bvh };
+    let shines = |at: &SurfacePoint| shadows.reach(at);
     let sources = Sources { shines: &shines, glowing: &glowing, sky: scene.sky.is_some() };
     let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers);
     stage.advance(placement.places.len() as u64)?;

@@ -4,6 +4,7 @@
 //! so that every tolerance further on is relative to the scene.
 
 pub mod assemble;
+pub mod bright;
 mod faces;
 mod gltf;
 pub mod materials;

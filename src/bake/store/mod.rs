@@ -12,12 +12,13 @@ use crate::bake::pipeline::leaf_order;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::links::compress;
-use crate::links::direct::{Direct, DirectParams, LampView};
-use crate::links::lamps;
+use crate::links::direct::{Direct, DirectParams, LampLink};
+use crate::links::lamps::{self, Lamp, LampTree};
 use crate::links::receivers::{Receivers, Spread};
 use crate::links::rows::{RowSummary, Rows};
 use crate::rays::Bvh;
 use crate::scatter::surface::{Piece, Surface};
+use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Plot, SiteArrays, SiteId, Sites};
 use crate::solve::Solution;
 use crate::solve::field::FieldParams;
@@ -64,7 +65,7 @@ pub fn read(job: &Path) -> Result<Model> {
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, _) = lamps::split(&scene);
     let (albedo, exitance) = read_materials(job, &sites)?;
-    let (direct, receivers, spread) = read_links(job, &sites, lamps.len())?;
+    let (direct, receivers, spread) = read_links(job, &sites, (&scene, &lamps))?;
     let (solution, field) = read_light(job, &receivers, &sites)?;
     Ok(Model {
         scene,
@@ -128,7 +129,7 @@ fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     finish(w, report)
 }
 
-fn read_scene(job: &Path) -> Result<(crate::scene::Scene, Bvh)> {
+fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
     let archive = open(job, "scene")?;
     let mut aligned = rkyv::util::AlignedVec::<16>::new();
     aligned.extend_from_slice(archive.array::<u8>(tag("tables"))?);
@@ -218,13 +219,7 @@ fn read_materials(job: &Path, sites: &Sites) -> Result<(Vec<Vec3>, Vec<Vec3>)> {
 fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
     let sites = 0..model.sites.len() as u64;
     let mut w = create(job, "links", digests)?;
-    for (k, view) in model.direct.views.iter().enumerate() {
-        let lamp = k as u64..k as u64 + 1;
-        w.append(tag("lamp_see"), lamp.clone(), &view.visibility)?;
-        w.append(tag("lamp_sum"), lamp.clone(), &view.coupling)?;
-        let penumbra: Vec<u8> = view.penumbra.iter().map(|&p| u8::from(p)).collect();
-        w.append(tag("lamp_mix"), lamp, &penumbra)?;
-    }
+    write_lamp_links(&mut w, &model.direct)?;
     let receivers = &model.receivers;
     let all = 0..receivers.len() as u64;
     let ids: Vec<u32> = receivers.homes.iter().map(|s| s.0).collect();
@@ -258,20 +253,48 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     finish(w, report)
 }
 
-fn read_links(job: &Path, sites: &Sites, lamps: usize) -> Result<(Direct, Receivers, Spread)> {
-    let archive = open(job, "links")?;
-    let mut views = Vec::new();
-    let blocks = archive.blocks(tag("lamp_see")).zip(archive.blocks(tag("lamp_sum")));
-    for ((see, sum), mix) in blocks.zip(archive.blocks(tag("lamp_mix"))) {
-        let coupling = sum.array::<f32>()?.to_vec();
-        same_length(&archive, "lamp_sum", &coupling, sites.len())?;
-        let visibility = see.array::<f32>()?.to_vec();
-        let penumbra: Vec<bool> = mix.array::<u8>()?.iter().map(|&p| p != 0).collect();
-        same_length(&archive, "lamp_see", &visibility, sites.len())?;
-        same_length(&archive, "lamp_mix", &penumbra, sites.len())?;
-        views.push(LampView { visibility, coupling, penumbra });
+/// The bit of a link's cluster that says penumbra.
+const PENUMBRA: u32 = 1 << 31;
+
+fn write_lamp_links(w: &mut Writer, direct: &Direct) -> Result<()> {
+    let (sites, links) = (0..direct.offsets.len() as u64, 0..direct.links.len() as u64);
+    let cluster = |l: &LampLink| l.cluster | if l.penumbra { PENUMBRA } else { 0 };
+    let clusters: Vec<u32> = direct.links.iter().map(cluster).collect();
+    let factors: Vec<[f32; 2]> = direct.links.iter().map(|l| [l.visibility, l.coupling]).collect();
+    w.append(tag("lamp_at"), sites, &direct.offsets)?;
+    w.append(tag("lamp_to"), links.clone(), &clusters)?;
+    w.append(tag("lamp_by"), links, &factors)?;
+    Ok(())
+}
+
+fn read_lamp_links(archive: &Archive, sites: &Sites, (scene, lamps): (&Scene, &[Lamp])) -> Result<Direct> {
+    let tree = LampTree::new(lamps);
+    let offsets = archive.array::<u32>(tag("lamp_at"))?.to_vec();
+    let clusters: &[u32] = archive.array(tag("lamp_to"))?;
+    let factors: &[[f32; 2]] = archive.array(tag("lamp_by"))?;
+    same_length(archive, "lamp_at", &offsets, sites.len() + 1)?;
+    same_length(archive, "lamp_by", factors, clusters.len())?;
+    if !offsets.is_sorted() || offsets.last() != Some(&(clusters.len() as u32)) {
+        return Err(damaged(archive, "lamp_at", "offsets out of range"));
     }
-    same_length(&archive, "lamp_see", &views, lamps)?;
+    if clusters.iter().any(|&c| (c & !PENUMBRA) as usize >= tree.clusters.len()) {
+        let problem = format!("expected clusters below {}", tree.clusters.len());
+        return Err(damaged(archive, "lamp_to", problem));
+    }
+    let link = |(&c, &[visibility, coupling]): (&u32, &[f32; 2])| LampLink {
+        cluster: c & !PENUMBRA,
+        visibility,
+        coupling,
+        penumbra: c & PENUMBRA != 0,
+    };
+    let links = clusters.iter().zip(factors).map(link).collect();
+    let sky = scene.sky.as_ref().map(|sky| sky.split().0);
+    Ok(Direct { tree, offsets, links, sky, rays: 0 })
+}
+
+fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Direct, Receivers, Spread)> {
+    let archive = open(job, "links")?;
+    let direct = read_lamp_links(&archive, sites, lit)?;
     let spread = Spread {
         offsets: archive.array(tag("fit_at"))?.to_vec(),
         receivers: archive.array(tag("fit_to"))?.to_vec(),
@@ -286,7 +309,7 @@ fn read_links(job: &Path, sites: &Sites, lamps: usize) -> Result<(Direct, Receiv
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
         return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
     }
-    Ok((Direct { views, rays: 0 }, receivers, spread))
+    Ok((direct, receivers, spread))
 }
 
 fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
