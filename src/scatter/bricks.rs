@@ -72,6 +72,16 @@ impl<T: Copy> Bricks<T> {
         }
     }
 
+    /// Calls `visit` with every point in a box, and with some that are not.
+    #[inline]
+    pub fn within_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(&T)) {
+        for grid in &self.grids {
+            grid.runs(grid.cell(low), grid.cell(high), |first, last| {
+                self.entries[first..last].iter().for_each(&mut visit);
+            });
+        }
+    }
+
     /// The least `value` over all points within their reach, where `value(point, so far)` is at least the squared
     /// distance, and infinite for points that are too far; points that cannot beat `so far` may be given any larger value.
     #[inline]

@@ -18,10 +18,11 @@ use crate::geometry::SurfacePoint;
 /// Integer cell coordinates: without SSE 4.1, `floor` is a call.
 #[inline]
 pub(crate) fn floor(at: Vec3) -> [i32; 3] {
-    at.to_array().map(|x| {
+    let below = |x: f32| {
         let cut = x as i32;
         cut.wrapping_sub(i32::from(cut as f32 > x))
-    })
+    };
+    [below(at.x), below(at.y), below(at.z)]
 }
 
 /// A point of the surface that may become a site or a receiver.

@@ -142,7 +142,7 @@ impl Packing {
 }
 
 fn block_of(position: Vec3, spacing: f32) -> Key {
-    floor(position / (SIDE as f32 * spacing))
+    floor(position * (1.0 / (SIDE as f32 * spacing)))
 }
 
 fn colour_of([x, y, z]: Key) -> i32 {
@@ -210,6 +210,7 @@ fn blocks(drawn: &[Drawn]) -> Vec<Block> {
 #[derive(Default)]
 struct Arena {
     spacing: f32,
+    inverse: f32,
     corner: Vec3,
     /// Where the candidates of each cell begin, x running fastest; one more at the end.
     starts: Vec<u32>,
@@ -228,12 +229,12 @@ impl Arena {
         self.spacing = spacing;
         self.corner = Vec3::from_array(block.key.map(|k| k as f32)) * (SIDE as f32 * spacing);
         let darts = || block.parts.iter().flat_map(|(task, range)| &drawn[*task].darts[range.clone()]);
-        let inverse = 1.0 / spacing;
+        self.inverse = 1.0 / spacing;
         self.cells.clear();
         self.starts.clear();
         self.starts.resize((SIDE * SIDE * SIDE) as usize + 1, 0);
         for dart in darts() {
-            let [x, y, z] = within((dart.position - self.corner) * inverse);
+            let [x, y, z] = within((dart.position - self.corner) * self.inverse);
             let cell = x + SIDE * (y + SIDE * z);
             self.cells.push(cell as u16);
             self.starts[cell as usize] += 1;
@@ -265,7 +266,7 @@ impl Arena {
     /// Strikes out what conflicts with a point, from candidate `from` on.
     #[inline]
     fn strike(&mut self, point: &SurfacePoint, from: usize) {
-        let at = (point.position - self.corner) / self.spacing;
+        let at = (point.position - self.corner) * self.inverse;
         // Cells are as wide as the spacing; a little more makes up for rounding.
         let (low, high) = (within(at - 1.001), within(at + 1.001));
         for z in low[2]..=high[2] {
@@ -319,5 +320,6 @@ impl Arena {
 /// Cell coordinates in the block; what lies beyond its border belongs to the outermost.
 #[inline]
 fn within(at: Vec3) -> [i32; 3] {
-    floor(at).map(|c| c.clamp(0, SIDE - 1))
+    let [x, y, z] = floor(at);
+    [x.clamp(0, SIDE - 1), y.clamp(0, SIDE - 1), z.clamp(0, SIDE - 1)]
 }

@@ -166,7 +166,7 @@ impl<'a> Surface<'a> {
 }
 
 /// Where a candidate lies.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Spot {
     /// The triangle's place in its side's order.
     pub place: u32,
@@ -215,7 +215,7 @@ impl<'s> Draw<'s> {
     }
 
     /// Place in the side's order, not before `from`, and barycentric (u, v) of point `i`.
-    #[inline]
+    #[inline(always)]
     fn at(&self, i: u32, from: usize) -> (usize, [f32; 2]) {
         let [x, y] = hash::unit_pair(self.key, u64::from(i));
         let along = f64::from((i as f32 + x) / self.count);

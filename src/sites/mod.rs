@@ -4,6 +4,7 @@
 //! answers which site stands for the bit of surface that a ray met.
 
 pub mod cells;
+mod crowd;
 pub mod neighbours;
 mod samples;
 mod scatter;

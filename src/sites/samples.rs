@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::crowd::Crowd;
 use super::{Plot, Sites};
+use crate::geometry::SurfacePoint;
 use crate::scatter::Candidate;
 use crate::scatter::surface::{Spot, Surface};
 
@@ -29,18 +31,14 @@ impl Samples {
     /// Gives every piece's area to the sites nearest to a few of its points, and sets the sites' areas by it.
     pub(super) fn share(sites: &mut Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> Self {
         let served: Vec<&Plot> = plots.iter().filter(|plot| plot.spacing > 0.0).collect();
+        let seed = seed ^ 0xa2ea;
         // Plot after plot, point after point.
+        let frozen = &*sites;
         let homes: Vec<(u32, Spot)> = served
             .par_iter()
             .with_min_len(16)
-            .flat_map_iter(|plot| {
-                let spots = surface.spots(&plot.piece, AREA_POINTS, seed ^ 0xa2ea);
-                let sites = &*sites;
-                spots.map(move |spot| {
-                    let site = sites.nearest(&surface.stand(0, &spot).point);
-                    (site.map_or(NOBODY, |s| s.0), spot)
-                })
-            })
+            .map_init(Scratch::default, |scratch, plot| scratch.serve(frozen, surface, plot, seed))
+            .flatten_iter()
             .collect();
         let mut offsets = vec![0u32; sites.len() + 1];
         homes.iter().filter(|h| h.0 != NOBODY).for_each(|h| offsets[h.0 as usize + 1] += 1);
@@ -67,5 +65,34 @@ impl Samples {
         let area = |site| samples.of(site).iter().map(|(_, part)| f64::from(*part)).sum::<f64>() as f32;
         sites.areas = (0..sites.len()).into_par_iter().map(area).collect();
         samples
+    }
+}
+
+#[derive(Default)]
+struct Scratch {
+    crowd: Crowd,
+    points: Vec<SurfacePoint>,
+}
+
+impl Scratch {
+    /// A plot's points, each with its site.
+    fn serve(
+        &mut self,
+        sites: &Sites,
+        surface: &Surface<'_>,
+        plot: &Plot,
+        seed: u64,
+    ) -> [(u32, Spot); AREA_POINTS as usize] {
+        let mut homes = [(NOBODY, Spot::default()); AREA_POINTS as usize];
+        self.points.clear();
+        for (home, spot) in homes.iter_mut().zip(surface.spots(&plot.piece, AREA_POINTS, seed)) {
+            home.1 = spot;
+            self.points.push(surface.stand(0, &spot).point);
+        }
+        self.crowd.gather(sites, plot, &self.points);
+        for (home, point) in homes.iter_mut().zip(&self.points) {
+            home.0 = self.crowd.nearest(sites, point).map_or(NOBODY, |s| s.0);
+        }
+        homes
     }
 }
