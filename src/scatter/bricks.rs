@@ -180,7 +180,7 @@ impl Grid {
     #[inline]
     fn slot(&self, at: [i32; 3]) -> usize {
         let mask = self.slots.len() - 1;
-        let [x, y, z] = at.map(|c| u64::from(c as u32));
+        let [x, y, z] = [u64::from(at[0] as u32), u64::from(at[1] as u32), u64::from(at[2] as u32)];
         let mut slot = hash::mix(x ^ y << 21 ^ z << 42) as usize & mask;
         while self.slots[slot].mask != 0 && self.slots[slot].at != at {
             slot = (slot + 1) & mask;
@@ -200,30 +200,37 @@ impl Grid {
     /// Calls `visit(first, last)` with the runs of entries that fill the cells from `low` to `high`.
     #[inline]
     fn runs(&self, low: [i32; 3], high: [i32; 3], mut visit: impl FnMut(usize, usize)) {
-        let (from, to) = (low.map(|c| c >> BITS), high.map(|c| c >> BITS));
+        let part = |[x, y, z]: [i32; 3]| [x >> BITS, y >> BITS, z >> BITS];
+        let (from, to) = (part(low), part(high));
         for z in from[2]..=to[2] {
             for y in from[1]..=to[1] {
                 for x in from[0]..=to[0] {
                     let brick = self.slots[self.slot([x, y, z])];
-                    if brick.mask == 0 {
-                        continue;
+                    if brick.mask != 0 {
+                        self.rows(&brick, low, high, &mut visit);
                     }
-                    let corner = [x, y, z].map(|c| c << BITS);
-                    let l = [0, 1, 2].map(|k| (low[k].saturating_sub(corner[k])).max(0));
-                    let h = [0, 1, 2].map(|k| (high[k].saturating_sub(corner[k])).min(SIDE - 1));
-                    for z in l[2]..=h[2] {
-                        for y in l[1]..=h[1] {
-                            let row = SIDE * (y + SIDE * z);
-                            // Bits of the row's cells from l to h.
-                            let wanted = (brick.mask >> row) & (0xf >> (3 - h[0])) & (0xf << l[0]);
-                            if wanted != 0 {
-                                let before = brick.mask & ((1u64 << (row + l[0])) - 1);
-                                let first = brick.first + before.count_ones();
-                                let last = first + wanted.count_ones();
-                                visit(self.starts[first as usize] as usize, self.starts[last as usize] as usize);
-                            }
-                        }
-                    }
+                }
+            }
+        }
+    }
+
+    /// As [`Grid::runs`], within one brick.
+    #[inline]
+    fn rows(&self, brick: &Brick, low: [i32; 3], high: [i32; 3], visit: &mut impl FnMut(usize, usize)) {
+        let least = |k: usize| low[k].saturating_sub(brick.at[k] << BITS).max(0);
+        let most = |k: usize| high[k].saturating_sub(brick.at[k] << BITS).min(SIDE - 1);
+        let (first_x, last_x) = (least(0), most(0));
+        // Bits of a row's cells from the first to the last.
+        let cells = (0xf_u64 >> (SIDE - 1 - last_x)) & (0xf << first_x);
+        for z in least(2)..=most(2) {
+            for y in least(1)..=most(1) {
+                let row = SIDE * (y + SIDE * z);
+                let wanted = (brick.mask >> row) & cells;
+                if wanted != 0 {
+                    let before = brick.mask & ((1u64 << (row + first_x)) - 1);
+                    let first = brick.first + before.count_ones();
+                    let last = first + wanted.count_ones();
+                    visit(self.starts[first as usize] as usize, self.starts[last as usize] as usize);
                 }
             }
         }

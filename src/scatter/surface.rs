@@ -66,6 +66,14 @@ impl<'a> Surface<'a> {
         self.scene
     }
 
+    /// As [`Scene::corners`], which the compiler does not inline.
+    #[inline(always)]
+    fn corners(&self, id: u32) -> [Vec3; 3] {
+        let [a, b, c] = self.scene.triangles[id as usize];
+        let vertices = &self.scene.vertices;
+        [vertices[a as usize], vertices[b as usize], vertices[c as usize]]
+    }
+
     /// Area of all sides that can carry points, squared local units.
     pub fn area(&self) -> f64 {
         self.sides.iter().filter_map(|s| s.before.last()).sum()
@@ -133,7 +141,7 @@ impl<'a> Surface<'a> {
     pub fn stand(&self, number: u32, spot: &Spot) -> Candidate {
         let &Spot { place, barycentric, back } = spot;
         let id = self.sides[usize::from(back)].order[place as usize];
-        let corners = self.scene.corners(id);
+        let corners = self.corners(id);
         let position = triangle::point(corners, barycentric[0], barycentric[1]);
         let point = SurfacePoint { position, normal: facing(corners, back) };
         Candidate { point, triangle: id, barycentric, back, piece: number, place }
@@ -157,7 +165,7 @@ impl<'a> Surface<'a> {
             (k, [u, v]) = draw.at(i, k);
             if k != current {
                 current = k;
-                corners = self.scene.corners(draw.side.order[k]);
+                corners = self.corners(draw.side.order[k]);
                 normal = facing(corners, piece.back);
             }
             visit(Dart { position: triangle::point(corners, u, v), piece: number, normal, number: i });

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::{Plot, REACH, SiteId, Sites};
+use super::{Near, Plot, REACH, SiteId, Sites};
 use crate::geometry::SurfacePoint;
 
 /// Sites compared at a time.
@@ -14,17 +14,35 @@ const MOST: usize = 128;
 /// A point's nearest site is within this many spacings of its plot, or looked for farther away.
 const MARGIN: f32 = 1.3;
 
+/// Some numbers, eight sites at a time.
+type Column = [[f32; LANES]; MOST / LANES];
+
 /// The sites around a plot.
-#[derive(Default)]
 pub(super) struct Crowd {
-    position: [Vec<f32>; 3],
-    normal: [Vec<f32>; 3],
-    /// Squared spacing.
-    square: Vec<f32>,
-    ids: Vec<u32>,
-    values: Vec<f32>,
+    position: [Column; 3],
+    normal: [Column; 3],
+    /// Squared spacing; zero where there is no site.
+    square: Column,
+    ids: [[u32; LANES]; MOST / LANES],
+    values: Column,
+    count: usize,
     /// Whatever is as near as this has been gathered.
     margin: f32,
+}
+
+impl Default for Crowd {
+    fn default() -> Self {
+        let zero = [[0.0; LANES]; MOST / LANES];
+        Self {
+            position: [zero; 3],
+            normal: [zero; 3],
+            square: zero,
+            ids: [[0; LANES]; MOST / LANES],
+            values: zero,
+            count: 0,
+            margin: 0.0,
+        }
+    }
 }
 
 impl Crowd {
@@ -33,61 +51,70 @@ impl Crowd {
         self.margin = MARGIN * plot.spacing;
         let low = points.iter().map(|p| p.position).fold(Vec3::INFINITY, Vec3::min) - self.margin;
         let high = points.iter().map(|p| p.position).fold(Vec3::NEG_INFINITY, Vec3::max) + self.margin;
-        self.position.iter_mut().chain(&mut self.normal).for_each(Vec::clear);
-        self.square.clear();
-        self.ids.clear();
+        self.count = 0;
         sites.near.within_box(low, high, |near| {
-            if self.ids.len() <= MOST && near.position.cmpge(low).all() && near.position.cmple(high).all() {
-                self.push(near.position, near.normal, near.spacing, near.id);
+            let p = near.position;
+            let inside = (p.x >= low.x) & (p.y >= low.y) & (p.z >= low.z);
+            if inside & (p.x <= high.x) & (p.y <= high.y) & (p.z <= high.z) {
+                if self.count < MOST {
+                    self.set(self.count, near);
+                }
+                self.count += 1;
             }
         });
-        if self.ids.len() > MOST {
+        if self.count > MOST {
             self.margin = 0.0;
         }
-        while !self.ids.len().is_multiple_of(LANES) {
-            self.push(Vec3::ZERO, Vec3::ZERO, 0.0, u32::MAX);
+        for k in self.count..self.count.next_multiple_of(LANES).min(MOST) {
+            self.square[k / LANES][k % LANES] = 0.0;
         }
-        self.values.resize(self.ids.len(), 0.0);
     }
 
-    fn push(&mut self, position: Vec3, normal: Vec3, spacing: f32, id: u32) {
+    #[inline]
+    fn set(&mut self, at: usize, near: &Near) {
+        let (group, lane) = (at / LANES, at % LANES);
         for axis in 0..3 {
-            self.position[axis].push(position[axis]);
-            self.normal[axis].push(normal[axis]);
+            self.position[axis][group][lane] = near.position[axis];
+            self.normal[axis][group][lane] = near.normal[axis];
         }
-        self.square.push(spacing * spacing);
-        self.ids.push(id);
+        self.square[group][lane] = near.spacing * near.spacing;
+        self.ids[group][lane] = near.id;
     }
 
     /// What [`Sites::nearest`] says of a point of the plot.
     pub(super) fn nearest(&mut self, sites: &Sites, point: &SurfacePoint) -> Option<SiteId> {
+        if self.margin == 0.0 {
+            return sites.nearest(point);
+        }
         let mut least = [f32::INFINITY; LANES];
-        for first in (0..self.values.len()).step_by(LANES) {
-            let values = self.mismatches(first, point);
+        let groups = self.count.div_ceil(LANES);
+        for group in 0..groups {
+            let values = self.mismatches(group, point);
             for lane in 0..LANES {
                 least[lane] = if values[lane] < least[lane] { values[lane] } else { least[lane] };
             }
-            self.values[first..first + LANES].copy_from_slice(&values);
+            self.values[group] = values;
         }
-        let least = least.into_iter().fold(f32::INFINITY, f32::min);
-        if least > self.margin * self.margin || self.margin == 0.0 {
+        let least = least.into_iter().fold(f32::INFINITY, |a, b| if b < a { b } else { a });
+        if least > self.margin * self.margin {
             return sites.nearest(point);
         }
-        let ids = self.values.iter().zip(&self.ids).filter(|(v, _)| **v == least).map(|(_, id)| *id);
-        ids.min().map(SiteId)
+        let mut id = u32::MAX;
+        for (values, ids) in self.values.iter().zip(&self.ids).take(groups) {
+            for lane in 0..LANES {
+                let candidate = if values[lane] == least { ids[lane] } else { u32::MAX };
+                id = id.min(candidate);
+            }
+        }
+        Some(SiteId(id))
     }
 
-    /// As `Near::mismatch`, of eight sites; infinite for those that do not match.
+    /// As [`Near::mismatch`], of eight sites; infinite for those that do not match.
     #[inline]
-    fn mismatches(&self, first: usize, point: &SurfacePoint) -> [f32; LANES] {
-        let lanes = |column: &[f32]| -> [f32; LANES] {
-            let mut out = [0.0; LANES];
-            out.copy_from_slice(&column[first..first + LANES]);
-            out
-        };
-        let [x, y, z] = [0, 1, 2].map(|axis| lanes(&self.position[axis]));
-        let [a, b, c] = [0, 1, 2].map(|axis| lanes(&self.normal[axis]));
-        let square = lanes(&self.square);
+    fn mismatches(&self, group: usize, point: &SurfacePoint) -> [f32; LANES] {
+        let [x, y, z] = [&self.position[0][group], &self.position[1][group], &self.position[2][group]];
+        let [a, b, c] = [&self.normal[0][group], &self.normal[1][group], &self.normal[2][group]];
+        let square = &self.square[group];
         let ([px, py, pz], [na, nb, nc]) = (point.position.to_array(), point.normal.to_array());
         let mut out = [0.0; LANES];
         for k in 0..LANES {

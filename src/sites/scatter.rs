@@ -104,8 +104,14 @@ fn fates(
 /// Gives the sites of pieces that went on the spacing of the plots that those became.
 fn settle(kept: &mut [Kept], plots: &[Plot]) {
     kept.par_iter_mut().with_min_len(256).filter(|k| k.open).for_each(|k| {
-        let along = k.candidate.along();
-        let plot = plots.partition_point(|plot| plot.piece.place() <= along).max(1) - 1;
+        let Candidate { back, place, .. } = k.candidate;
+        let before = |plot: &Plot| (plot.piece.back, plot.piece.first) <= (back, place);
+        let mut plot = plots.partition_point(before).max(1) - 1;
+        if plots[plot].piece.path > 1 {
+            // Several plots share the triangle.
+            let along = k.candidate.along();
+            plot = plots.partition_point(|plot| plot.piece.place() <= along).max(1) - 1;
+        }
         if plots[plot].spacing > 0.0 {
             k.spacing = plots[plot].spacing;
         }
