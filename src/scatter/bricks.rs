@@ -4,6 +4,7 @@
 //! look-up: on a surface a query reads two bricks and a handful of cells, whose points lie side by side.
 
 use glam::Vec3;
+use smallvec::SmallVec;
 
 use super::floor;
 use crate::geometry::hash;
@@ -85,7 +86,12 @@ impl<T: Copy> Bricks<T> {
     /// The least `value` over all points within their reach, where `value(point, so far)` is at least the squared
     /// distance, and infinite for points that are too far; points that cannot beat `so far` may be given any larger value.
     #[inline]
-    pub fn least(&self, at: Vec3, mut value: impl FnMut(&T, (f32, u32)) -> (f32, u32)) -> (f32, u32) {
+    pub fn least(
+        &self,
+        at: Vec3,
+        touch: impl Fn(&T) -> u32,
+        mut value: impl FnMut(&T, (f32, u32)) -> (f32, u32),
+    ) -> (f32, u32) {
         let mut best = (f32::INFINITY, u32::MAX);
         for grid in &self.grids {
             let mut known = 0.0;
@@ -96,11 +102,19 @@ impl<T: Copy> Bricks<T> {
                 let low = Vec3::from_array(cell.map(|c| c as f32));
                 let inside = (scaled - low).min(low + 2.0 - scaled).min_element();
                 known = (inside / grid.inverse_edge) * 0.9999;
+                let mut runs: SmallVec<[(u32, u32); 16]> = SmallVec::new();
+                let mut touched = 0;
                 grid.runs(cell, cell.map(|c| c.saturating_add(1)), |first, last| {
-                    for entry in &self.entries[first..last] {
+                    runs.push((first as u32, last as u32));
+                    // Begins to load all runs before the first is looked at: their misses overlap.
+                    touched ^= touch(&self.entries[first]);
+                });
+                std::hint::black_box(touched);
+                for (first, last) in runs {
+                    for entry in &self.entries[first as usize..last as usize] {
                         best = value(entry, best);
                     }
-                });
+                }
             }
             let reach = grid.reach.min(best.0.sqrt()) * 1.0001;
             if reach > known {

@@ -78,16 +78,16 @@ struct Block {
 }
 
 impl Packing {
-    /// Throws the candidates of the active pieces for which `open` is set; gives those kept, in an order that depends on
-    /// no thread. Each stands for the first of its conflicts within a block.
-    pub fn throw(&mut self, growth: &Growth<'_>, open: &[bool], density: f32) -> Vec<Candidate> {
+    /// Throws candidates on the active pieces, so many a squared spacing as `densities` says of each, none where that is
+    /// zero. Gives those kept, in an order that depends on no thread.
+    pub fn throw(&mut self, growth: &Growth<'_>, densities: &[f32]) -> Vec<Candidate> {
         let layer = Layer { spacing: growth.spacing, directory: Directory::default(), members: vec![] };
         self.layers.push(layer);
-        let pieces: Vec<u32> = (0..open.len() as u32).filter(|&p| open[p as usize]).collect();
+        let pieces: Vec<u32> = (0..densities.len() as u32).filter(|&p| densities[p as usize] > 0.0).collect();
         let mut kept = Vec::new();
         for batch in pieces.chunks(TASK_PIECES * BATCH_TASKS) {
             let drawn: Vec<Drawn> =
-                batch.par_chunks(TASK_PIECES).map(|pieces| Drawn::new(growth, pieces, density)).collect();
+                batch.par_chunks(TASK_PIECES).map(|pieces| Drawn::new(growth, pieces, densities)).collect();
             let blocks = blocks(&drawn);
             for colour in 0..8 {
                 let fresh: Vec<(Key, Vec<Candidate>)> = blocks
@@ -96,7 +96,7 @@ impl Packing {
                     .map_init(Arena::default, |arena, block| {
                         arena.fill(block, &drawn, growth.spacing);
                         self.strike(arena);
-                        (block.key, arena.keep(growth, density))
+                        (block.key, arena.keep(growth, densities))
                     })
                     .collect();
                 for (key, candidates) in fresh {
@@ -150,14 +150,14 @@ fn colour_of([x, y, z]: Key) -> i32 {
 }
 
 impl Drawn {
-    fn new(growth: &Growth<'_>, pieces: &[u32], density: f32) -> Self {
+    fn new(growth: &Growth<'_>, pieces: &[u32], densities: &[f32]) -> Self {
         let mut darts: Vec<Dart> = Vec::new();
         let mut members: Vec<u32> = Vec::new();
         let mut blocks: Vec<(Key, u32)> = Vec::new();
         let mut directory = Directory::default();
         let mut last = (Key::default(), u32::MAX);
         for &piece in pieces {
-            growth.darts(piece as usize, density, |dart| {
+            growth.darts(piece as usize, densities[piece as usize], |dart| {
                 let key = block_of(dart.position, growth.spacing);
                 if last.1 == u32::MAX || last.0 != key {
                     let block = *directory.entry(key).or_insert_with(|| {
@@ -301,7 +301,7 @@ impl Arena {
     }
 
     /// Keeps one candidate after the other that no kept one has struck out.
-    fn keep(&mut self, growth: &Growth<'_>, density: f32) -> Vec<Candidate> {
+    fn keep(&mut self, growth: &Growth<'_>, densities: &[f32]) -> Vec<Candidate> {
         let mut kept = Vec::new();
         for i in 0..self.struck.len() {
             if self.struck[i] == 0 {
@@ -310,7 +310,7 @@ impl Arena {
                 self.strike(&point, i + 1);
                 let [piece, number] = self.origin[i];
                 let piece = piece as usize;
-                kept.push(growth.candidate(piece, (number, growth.count(piece, density))));
+                kept.push(growth.candidate(piece, (number, growth.count(piece, densities[piece]))));
             }
         }
         kept

@@ -37,13 +37,14 @@ pub struct SiteParams {
     pub seed: u64,
     /// Level 0 has about this many sites.
     pub coarsest: usize,
-    /// Candidates thrown per squared spacing and level: fewer leave gaps, more cost time.
+    /// Candidates thrown per squared spacing: fewer leave gaps, more cost time. Of 6, 0.5 % of the surface is farther than
+    /// one spacing from its site, and 0.03 % farther than 1.2.
     pub density: f32,
 }
 
 impl Default for SiteParams {
     fn default() -> Self {
-        Self { seed: 1, coarsest: 64, density: 9.0 }
+        Self { seed: 1, coarsest: 64, density: 6.0 }
     }
 }
 
@@ -169,7 +170,7 @@ impl Sites {
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one
     /// where it is needed.
     pub fn nearest(&self, point: &SurfacePoint) -> Option<SiteId> {
-        let best = self.near.least(point.position, |near, best| match near.mismatch(point) {
+        let best = self.near.least(point.position, |near| near.id, |near, best| match near.mismatch(point) {
             Some(value) if (value, near.id) < best => (value, near.id),
             _ => best,
         });

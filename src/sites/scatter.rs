@@ -16,6 +16,9 @@ const DEEPEST: u32 = 20;
 /// Points of a piece that are asked for the spacing they want.
 const ASKED: u32 = 5;
 
+/// Pieces that go on get this share of the candidates: the next level fills their gaps.
+const OPEN_SHARE: f32 = 0.5;
+
 /// A candidate that became a site.
 struct Kept {
     candidate: Candidate,
@@ -54,9 +57,14 @@ impl Sites {
         let mut plots = Vec::new();
         while !growth.active.is_empty() {
             let fates = fates(&growth, params.density, &wanted);
-            let reflects: Vec<bool> = fates.iter().map(|f| *f != Fate::Dead).collect();
+            let density = |fate: &Fate| match fate {
+                Fate::Dead => 0.0,
+                Fate::Done => params.density,
+                Fate::Finer => params.density * OPEN_SHARE,
+            };
+            let densities: Vec<f32> = fates.iter().map(density).collect();
             let (level, spacing) = (growth.level as u8, growth.spacing);
-            kept.extend(packing.throw(&growth, &reflects, params.density).into_iter().map(|candidate| {
+            kept.extend(packing.throw(&growth, &densities).into_iter().map(|candidate| {
                 let open = fates[candidate.piece as usize] == Fate::Finer;
                 Kept { candidate, level, spacing, open }
             }));
