@@ -23,7 +23,10 @@ mod shapes;
 const REPEATS: usize = 2;
 
 fn main() {
-    println!("{:28} {:>9} {:>9} {:>12} {:>12} {:>14}", "", "sites", "wall s", "sites/s", "cpu us/site", "ns/nearest");
+    println!(
+        "{:28} {:>9} {:>9} {:>12} {:>12} {:>14}",
+        "", "sites", "wall s", "sites/s", "cpu us/site", "ns/nearest"
+    );
     let mut scenes = vec![
         ("bumpy sphere".to_string(), scene_of(shapes::bumpy_sphere(6))),
         ("box".to_string(), scene_of(cuboid(Vec3::new(2.0, 1.0, 1.5)))),
@@ -47,8 +50,9 @@ fn main() {
             let uniform = |_: &Candidate| f32::powi(0.5, level);
             measure(&format!("{name}, uniform"), &surface, coarsest, uniform);
             // Eight times finer at one end than at the other.
-            let graded =
-                |c: &Candidate| f32::powi(0.5, level) * (0.5 + 2.0 * (1.0 + c.point.position.x).clamp(0.0, 2.0));
+            let graded = |c: &Candidate| {
+                f32::powi(0.5, level) * (0.5 + 2.0 * (1.0 + c.point.position.x).clamp(0.0, 2.0))
+            };
             measure(&format!("{name}, graded"), &surface, coarsest, graded);
         }
     }
@@ -99,8 +103,7 @@ fn nearest(surface: &Surface<'_>, sites: &Sites) -> f64 {
 
 fn cuboid(size: Vec3) -> shapes::Mesh {
     let corner = |i: u32| (Vec3::new((i & 1) as f32, (i >> 1 & 1) as f32, (i >> 2) as f32) - 0.5) * size;
-    let faces =
-        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let triangles = faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     ((0..8).map(corner).collect(), triangles)
 }

@@ -39,7 +39,9 @@ impl<'a> Growth<'a> {
             .with_min_len(16)
             .flat_map_iter(|piece| {
                 let count = self.count(piece, density);
-                (0..count).map(move |i| self.candidate(piece, (i, count)))
+                let seed = self.level_seed();
+                let own = (piece as u32, &self.active[piece]);
+                (0..count).map(move |i| self.surface.candidate(own, (i, count), seed))
             })
             .collect()
     }
@@ -49,12 +51,13 @@ impl<'a> Growth<'a> {
         ((self.active[piece].area * (density / (self.spacing * self.spacing))).ceil() as u32).max(1)
     }
 
-    /// Candidate `i` of `count` of an active piece.
+    /// Candidate `i` of the lattice of `count` of an active piece.
     pub fn candidate(&self, piece: usize, (i, count): (u32, u32)) -> Candidate {
-        self.surface.candidate((piece as u32, &self.active[piece]), (i, count), self.level_seed())
+        self.surface
+            .stand(piece as u32, &self.surface.spot(&self.active[piece], (i, count), self.level_seed()))
     }
 
-    /// Calls `visit` with what throwing needs of all candidates of a piece.
+    /// Calls `visit` with what throwing needs of a piece's lattice.
     pub fn darts(&self, piece: usize, density: f32, visit: impl FnMut(Dart)) {
         let count = self.count(piece, density);
         self.surface.darts((piece as u32, &self.active[piece]), count, self.level_seed(), visit);

@@ -122,11 +122,20 @@ impl<'a> Surface<'a> {
     /// Point `i` of `count` stratified ones on a piece, random by `seed`.
     pub fn candidate(&self, (number, piece): (u32, &Piece), (i, count): (u32, u32), seed: u64) -> Candidate {
         let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
-        let (place, barycentric) = draw.at(i, draw.first);
+        let [x, y] = hash::unit_pair(draw.key, u64::from(i));
+        let (place, barycentric) = draw.place((i as f32 + x) / draw.count, y, draw.first);
         self.stand(number, &Spot { place: place as u32, barycentric, back: piece.back })
     }
 
-    /// All of a piece's `count` candidates, ascending, as spots.
+    /// Point `i` of the `count` of a piece's lattice.
+    pub fn spot(&self, piece: &Piece, (i, count): (u32, u32), seed: u64) -> Spot {
+        let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
+        let (place, barycentric) = draw.at(i, draw.first);
+        Spot { place: place as u32, barycentric, back: piece.back }
+    }
+
+    /// A piece's lattice: `count` points, ascending. With the strata along the piece they spread evenly, so that a third
+    /// fewer leave as few gaps as those of [`Surface::candidate`] do.
     pub fn spots(&self, piece: &Piece, count: u32, seed: u64) -> impl Iterator<Item = Spot> + '_ {
         let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
         let back = piece.back;
@@ -147,14 +156,8 @@ impl<'a> Surface<'a> {
         Candidate { point, triangle: id, barycentric, back, piece: number, place }
     }
 
-    /// Calls `visit` with the points that [`Surface::candidate`] gives for all `i < count`, ascending: cheaper by half.
-    pub fn darts(
-        &self,
-        (number, piece): (u32, &Piece),
-        count: u32,
-        seed: u64,
-        mut visit: impl FnMut(Dart),
-    ) {
+    /// Calls `visit` with what throwing needs of a piece's lattice, the points of [`Surface::spots`].
+    pub fn darts(&self, (number, piece): (u32, &Piece), count: u32, seed: u64, mut visit: impl FnMut(Dart)) {
         let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
         let mut current = usize::MAX;
         let mut corners = [Vec3::ZERO; 3];
@@ -224,33 +227,38 @@ impl<'s> Draw<'s> {
         Self { side, first, last, key, count: count as f32, shift: (key >> 32) as u32, part: (corner, scale) }
     }
 
-    /// Place in the side's order, not before `from`, and barycentric (u, v) of point `i`.
+    /// Place in the side's order, not before `from`, and barycentric (u, v) of point `i` of the lattice.
     #[inline(always)]
     fn at(&self, i: u32, from: usize) -> (usize, [f32; 2]) {
         let x = hash::unit(self.key, u64::from(i));
-        // Multiples of the golden ratio: with the strata along the piece a lattice, which needs a third fewer points to
-        // leave as few gaps as independent ones do.
+        // Multiples of the golden ratio.
         let y = (self.shift.wrapping_add(i.wrapping_mul(0x9e37_79b9)) >> 8) as f32 * (1.0 / 16_777_216.0);
-        let along = f64::from((i as f32 + x) / self.count);
+        self.place((i as f32 + x) / self.count, y, from)
+    }
+
+    /// Place in the side's order, not before `from`, and barycentric (u, v): `along` the piece in [0, 1), `across` it.
+    #[inline(always)]
+    fn place(&self, along: f32, across: f32, from: usize) -> (usize, [f32; 2]) {
+        let along = f64::from(along);
         let before = &self.side.before;
         let (k, within) = if self.last - self.first == 1 {
             (self.first, along)
         } else {
             let (start, end) = (before[self.first], before[self.last]);
             let want = start + along * (end - start);
-            let k = self.place(want, from);
+            let k = self.find(want, from);
             (k, (want - before[k]) / (before[k + 1] - before[k]))
         };
         // In this order a triangle whose area was lost to rounding gives zero, not NaN.
         let within = (within as f32).max(0.0).min(0.999_999);
-        let (u, v) = triangle::uniform_barycentric([within, y]);
+        let (u, v) = triangle::uniform_barycentric([within, across]);
         let ([du, dv], scale) = self.part;
         (k, [du + scale * u, dv + scale * v])
     }
 
     /// The last triangle of the piece that begins at or before `want`, looked for from `from` on with growing steps.
     #[inline]
-    fn place(&self, want: f64, from: usize) -> usize {
+    fn find(&self, want: f64, from: usize) -> usize {
         let before = &self.side.before;
         let (mut low, mut step) = (from, 1);
         let mut high = low + 1;

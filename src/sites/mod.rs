@@ -170,10 +170,14 @@ impl Sites {
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one
     /// where it is needed.
     pub fn nearest(&self, point: &SurfacePoint) -> Option<SiteId> {
-        let best = self.near.least(point.position, |near| near.id, |near, best| match near.mismatch(point) {
-            Some(value) if (value, near.id) < best => (value, near.id),
-            _ => best,
-        });
+        let best = self.near.least(
+            point.position,
+            |near| near.id,
+            |near, best| match near.mismatch(point) {
+                Some(value) if (value, near.id) < best => (value, near.id),
+                _ => best,
+            },
+        );
         (best.1 != u32::MAX).then_some(SiteId(best.1))
     }
 

@@ -128,7 +128,7 @@ fn settle(kept: &mut [Kept], plots: &[Plot]) {
 
 /// The arrays in Morton order, fronts before backs.
 fn in_order(kept: &[Kept]) -> SiteArrays {
-    let smallest = kept.iter().map(|k| k.spacing).fold(f32::INFINITY, f32::min).max(1e-6);
+    let smallest = kept.iter().map(|k| k.spacing).fold(f32::INFINITY, f32::min);
     let corner = kept.iter().map(|k| k.candidate.point.position).fold(Vec3::splat(f32::INFINITY), Vec3::min);
     let mut order: Vec<(u64, u32)> = kept
         .par_iter()
