@@ -12,7 +12,7 @@ const LANES: usize = 8;
 const MOST: usize = 128;
 
 /// A point's nearest site is within this many spacings of its plot, or looked for farther away.
-const MARGIN: f32 = 1.3;
+const MARGIN: f32 = 1.1;
 
 /// Some numbers, eight sites at a time.
 type Column = [[f32; LANES]; MOST / LANES];

@@ -9,7 +9,7 @@ use crate::scatter::Candidate;
 use crate::scatter::surface::{Spot, Surface};
 
 /// Points of a piece that decide which sites its area goes to.
-const AREA_POINTS: u32 = 24;
+const AREA_POINTS: u32 = 16;
 
 const NOBODY: u32 = u32::MAX;
 
@@ -34,12 +34,15 @@ impl Samples {
         let seed = seed ^ 0xa2ea;
         // Plot after plot, point after point.
         let frozen = &*sites;
-        let homes: Vec<(u32, Spot)> = served
+        let homes: Vec<[(u32, Spot); AREA_POINTS as usize]> = served
             .par_iter()
             .with_min_len(16)
             .map_init(Scratch::default, |scratch, plot| scratch.serve(frozen, surface, plot, seed))
-            .flatten_iter()
             .collect();
+        let found = |own: &[(u32, Spot)]| own.iter().filter(|home| home.0 != NOBODY).count();
+        let parts: Vec<f32> =
+            homes.iter().zip(&served).map(|(own, plot)| plot.piece.area / found(own) as f32).collect();
+        let homes = homes.as_flattened();
         let mut offsets = vec![0u32; sites.len() + 1];
         homes.iter().filter(|h| h.0 != NOBODY).for_each(|h| offsets[h.0 as usize + 1] += 1);
         (0..sites.len()).for_each(|i| offsets[i + 1] += offsets[i]);
@@ -54,11 +57,8 @@ impl Samples {
             .par_iter()
             .with_min_len(256)
             .map(|&number| {
-                let plot = number / AREA_POINTS;
-                let own = &homes[(plot * AREA_POINTS) as usize..][..AREA_POINTS as usize];
-                let found = own.iter().filter(|h| h.0 != NOBODY).count();
-                let area = served[plot as usize].piece.area / found as f32;
-                (surface.stand(0, &homes[number as usize].1), area)
+                let candidate = surface.stand(0, &homes[number as usize].1);
+                (candidate, parts[(number / AREA_POINTS) as usize])
             })
             .collect();
         let samples = Self { offsets, points };

@@ -20,6 +20,7 @@ const ASKED: u32 = 5;
 const OPEN_SHARE: f32 = 0.5;
 
 /// A candidate that became a site.
+#[derive(Clone, Copy)]
 struct Kept {
     candidate: Candidate,
     level: u8,
@@ -139,14 +140,14 @@ fn in_order(kept: &[Kept]) -> SiteArrays {
         })
         .collect();
     order.par_sort_unstable();
-    let of = |&(_, i): &(u64, u32)| &kept[i as usize];
+    let sorted: Vec<Kept> = order.par_iter().map(|(_, i)| kept[*i as usize]).collect();
     SiteArrays {
-        positions: order.par_iter().map(|o| of(o).candidate.point.position).collect(),
-        normals: order.par_iter().map(|o| of(o).candidate.point.normal).collect(),
+        positions: sorted.par_iter().map(|k| k.candidate.point.position).collect(),
+        normals: sorted.par_iter().map(|k| k.candidate.point.normal).collect(),
         areas: vec![],
-        triangles: order.par_iter().map(|o| of(o).candidate.triangle).collect(),
-        barycentrics: order.par_iter().map(|o| of(o).candidate.barycentric).collect(),
-        levels: order.par_iter().map(|o| of(o).level).collect(),
-        spacings: order.par_iter().map(|o| of(o).spacing).collect(),
+        triangles: sorted.par_iter().map(|k| k.candidate.triangle).collect(),
+        barycentrics: sorted.par_iter().map(|k| k.candidate.barycentric).collect(),
+        levels: sorted.par_iter().map(|k| k.level).collect(),
+        spacings: sorted.par_iter().map(|k| k.spacing).collect(),
     }
 }
