@@ -25,11 +25,6 @@ pub fn point([a, b, c]: [Vec3; 3], u: f32, v: f32) -> Vec3 {
 /// Uniform barycentric coordinates (u, v) from the unit square, by Heitz' low-distortion map
 /// ("A Low-Distortion Map Between Triangle and Square", 2019).
 pub fn uniform_barycentric([x, y]: [f32; 2]) -> (f32, f32) {
-    if y > x {
-        let half = 0.5 * x;
-        (half, y - half)
-    } else {
-        let half = 0.5 * y;
-        (x - half, half)
-    }
+    let half = 0.5 * if y < x { y } else { x };
+    (x - half, y - half)
 }

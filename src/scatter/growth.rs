@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::Candidate;
-use super::surface::{Piece, Surface};
+use super::surface::{Dart, Piece, Surface};
 use crate::geometry::hash;
 
 /// Pieces are split until they are no larger than this many squared spacings: a few dozen candidates each.
@@ -34,17 +34,37 @@ impl<'a> Growth<'a> {
 
     /// Stratified candidates on the active pieces, `density` a squared spacing and at least one a piece, piece by piece.
     pub fn candidates(&self, density: f32) -> Vec<Candidate> {
-        let seed = hash::mix2(self.seed, u64::from(self.level));
-        let scale = density / (self.spacing * self.spacing);
-        self.active
-            .par_iter()
-            .enumerate()
+        (0..self.active.len())
+            .into_par_iter()
             .with_min_len(16)
-            .flat_map_iter(|(number, piece)| {
-                let count = ((piece.area * scale).ceil() as u32).max(1);
-                (0..count).map(move |i| self.surface.candidate((number as u32, piece), (i, count), seed))
+            .flat_map_iter(|piece| {
+                let count = self.count(piece, density);
+                let seed = self.level_seed();
+                let own = (piece as u32, &self.active[piece]);
+                (0..count).map(move |i| self.surface.candidate(own, (i, count), seed))
             })
             .collect()
+    }
+
+    /// How many candidates an active piece gets.
+    pub fn count(&self, piece: usize, density: f32) -> u32 {
+        ((self.active[piece].area * (density / (self.spacing * self.spacing))).ceil() as u32).max(1)
+    }
+
+    /// Candidate `i` of the lattice of `count` of an active piece.
+    pub fn candidate(&self, piece: usize, (i, count): (u32, u32)) -> Candidate {
+        self.surface
+            .stand(piece as u32, &self.surface.spot(&self.active[piece], (i, count), self.level_seed()))
+    }
+
+    /// Calls `visit` with what throwing needs of a piece's lattice.
+    pub fn darts(&self, piece: usize, density: f32, visit: impl FnMut(Dart)) {
+        let count = self.count(piece, density);
+        self.surface.darts((piece as u32, &self.active[piece]), count, self.level_seed(), visit);
+    }
+
+    fn level_seed(&self) -> u64 {
+        hash::mix2(self.seed, u64::from(self.level))
     }
 
     /// Goes to the next level with the pieces for which `keep` is set; the others are done.

@@ -66,6 +66,14 @@ impl<'a> Surface<'a> {
         self.scene
     }
 
+    /// As [`Scene::corners`], which the compiler does not inline.
+    #[inline(always)]
+    fn corners(&self, id: u32) -> [Vec3; 3] {
+        let [a, b, c] = self.scene.triangles[id as usize];
+        let vertices = &self.scene.vertices;
+        [vertices[a as usize], vertices[b as usize], vertices[c as usize]]
+    }
+
     /// Area of all sides that can carry points, squared local units.
     pub fn area(&self) -> f64 {
         self.sides.iter().filter_map(|s| s.before.last()).sum()
@@ -113,35 +121,158 @@ impl<'a> Surface<'a> {
 
     /// Point `i` of `count` stratified ones on a piece, random by `seed`.
     pub fn candidate(&self, (number, piece): (u32, &Piece), (i, count): (u32, u32), seed: u64) -> Candidate {
-        let side = &self.sides[usize::from(piece.back)];
-        let key = hash::mix2(seed ^ u64::from(piece.first) << 32 ^ u64::from(piece.back), piece.path);
-        let [x, y] = hash::unit_pair(key, u64::from(i));
-        let along = f64::from((i as f32 + x) / count as f32);
-        let (start, end) = (side.before[piece.first as usize], side.before[piece.last as usize]);
-        let (k, within) = if piece.last - piece.first == 1 {
-            (piece.first as usize, along)
-        } else {
-            let want = start + along * (end - start);
-            let k = side.before.partition_point(|&b| b <= want).clamp(1, side.order.len()) - 1;
-            (k, (want - side.before[k]) / (side.before[k + 1] - side.before[k]))
-        };
-        let (u, v) = triangle::uniform_barycentric([within.clamp(0.0, 0.999_999) as f32, y]);
-        let [u, v] = unfold(piece.path, [u, v]);
-        let id = side.order[k];
-        let corners = self.scene.corners(id);
-        let front = triangle::normal(corners);
-        let point = SurfacePoint {
-            position: triangle::point(corners, u, v),
-            normal: if piece.back { -front } else { front },
-        };
-        Candidate {
-            point,
-            triangle: id,
-            barycentric: [u, v],
-            back: piece.back,
-            piece: number,
-            place: k as u32,
+        let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
+        let [x, y] = hash::unit_pair(draw.key, u64::from(i));
+        let (place, barycentric) = draw.place((i as f32 + x) / draw.count, y, draw.first);
+        self.stand(number, &Spot { place: place as u32, barycentric, back: piece.back })
+    }
+
+    /// Point `i` of the `count` of a piece's lattice.
+    pub fn spot(&self, piece: &Piece, (i, count): (u32, u32), seed: u64) -> Spot {
+        let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
+        let (place, barycentric) = draw.at(i, draw.first);
+        Spot { place: place as u32, barycentric, back: piece.back }
+    }
+
+    /// A piece's lattice: `count` points, ascending. With the strata along the piece they spread evenly, so that a third
+    /// fewer leave as few gaps as those of [`Surface::candidate`] do.
+    pub fn spots(&self, piece: &Piece, count: u32, seed: u64) -> impl Iterator<Item = Spot> + '_ {
+        let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
+        let back = piece.back;
+        (0..count).scan(draw.first, move |k, i| {
+            let (place, barycentric) = draw.at(i, *k);
+            *k = place;
+            Some(Spot { place: place as u32, barycentric, back })
+        })
+    }
+
+    /// The candidate at a spot; `number` is that of its piece.
+    pub fn stand(&self, number: u32, spot: &Spot) -> Candidate {
+        let &Spot { place, barycentric, back } = spot;
+        let id = self.sides[usize::from(back)].order[place as usize];
+        let corners = self.corners(id);
+        let position = triangle::point(corners, barycentric[0], barycentric[1]);
+        let point = SurfacePoint { position, normal: facing(corners, back) };
+        Candidate { point, triangle: id, barycentric, back, piece: number, place }
+    }
+
+    /// Calls `visit` with what throwing needs of a piece's lattice, the points of [`Surface::spots`].
+    pub fn darts(&self, (number, piece): (u32, &Piece), count: u32, seed: u64, mut visit: impl FnMut(Dart)) {
+        let draw = Draw::new(&self.sides[usize::from(piece.back)], piece, count, seed);
+        let mut current = usize::MAX;
+        let mut corners = [Vec3::ZERO; 3];
+        let mut normal = Vec3::ZERO;
+        let mut k = draw.first;
+        for i in 0..count {
+            let [u, v];
+            (k, [u, v]) = draw.at(i, k);
+            if k != current {
+                current = k;
+                corners = self.corners(draw.side.order[k]);
+                normal = facing(corners, piece.back);
+            }
+            visit(Dart { position: triangle::point(corners, u, v), piece: number, normal, number: i });
         }
+    }
+}
+
+/// Where a candidate lies.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Spot {
+    /// The triangle's place in its side's order.
+    pub place: u32,
+    /// Barycentric (u, v) there.
+    pub barycentric: [f32; 2],
+    /// Whether on the back.
+    pub back: bool,
+}
+
+/// A candidate before anybody needs to know more of it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dart {
+    /// Local position.
+    pub position: Vec3,
+    /// The active piece it was drawn from.
+    pub piece: u32,
+    /// Unit normal of its side.
+    pub normal: Vec3,
+    /// Its number among the piece's candidates.
+    pub number: u32,
+}
+
+fn facing(corners: [Vec3; 3], back: bool) -> Vec3 {
+    let front = triangle::normal(corners);
+    if back { -front } else { front }
+}
+
+/// What is the same for all candidates of a piece.
+struct Draw<'s> {
+    side: &'s Side,
+    first: usize,
+    last: usize,
+    key: u64,
+    /// Where the lattice of the points begins.
+    shift: u32,
+    count: f32,
+    /// The part of the triangle: its first corner and its signed scale.
+    part: ([f32; 2], f32),
+}
+
+impl<'s> Draw<'s> {
+    fn new(side: &'s Side, piece: &Piece, count: u32, seed: u64) -> Self {
+        let key = hash::mix2(seed ^ u64::from(piece.first) << 32 ^ u64::from(piece.back), piece.path);
+        let corner = unfold(piece.path, [0.0, 0.0]);
+        let scale = unfold(piece.path, [1.0, 0.0])[0] - corner[0];
+        let (first, last) = (piece.first as usize, piece.last as usize);
+        Self { side, first, last, key, count: count as f32, shift: (key >> 32) as u32, part: (corner, scale) }
+    }
+
+    /// Place in the side's order, not before `from`, and barycentric (u, v) of point `i` of the lattice.
+    #[inline(always)]
+    fn at(&self, i: u32, from: usize) -> (usize, [f32; 2]) {
+        let x = hash::unit(self.key, u64::from(i));
+        // Multiples of the golden ratio.
+        let y = (self.shift.wrapping_add(i.wrapping_mul(0x9e37_79b9)) >> 8) as f32 * (1.0 / 16_777_216.0);
+        self.place((i as f32 + x) / self.count, y, from)
+    }
+
+    /// Place in the side's order, not before `from`, and barycentric (u, v): `along` the piece in [0, 1), `across` it.
+    #[inline(always)]
+    fn place(&self, along: f32, across: f32, from: usize) -> (usize, [f32; 2]) {
+        let along = f64::from(along);
+        let before = &self.side.before;
+        let (k, within) = if self.last - self.first == 1 {
+            (self.first, along)
+        } else {
+            let (start, end) = (before[self.first], before[self.last]);
+            let want = start + along * (end - start);
+            let k = self.find(want, from);
+            (k, (want - before[k]) / (before[k + 1] - before[k]))
+        };
+        // In this order a triangle whose area was lost to rounding gives zero, not NaN.
+        let within = (within as f32).max(0.0).min(0.999_999);
+        let (u, v) = triangle::uniform_barycentric([within, across]);
+        let ([du, dv], scale) = self.part;
+        (k, [du + scale * u, dv + scale * v])
+    }
+
+    /// The last triangle of the piece that begins at or before `want`, looked for from `from` on with growing steps.
+    #[inline]
+    fn find(&self, want: f64, from: usize) -> usize {
+        let before = &self.side.before;
+        let (mut low, mut step) = (from, 1);
+        let mut high = low + 1;
+        while high < self.last && before[high] <= want {
+            low = high;
+            high = (low + step).min(self.last);
+            step *= 2;
+        }
+        // before[low] <= want (or low == from), and before[high] > want (or high == last).
+        while high - low > 1 {
+            let middle = low.midpoint(high);
+            if before[middle] <= want { low = middle } else { high = middle }
+        }
+        low
     }
 }
 

@@ -4,18 +4,20 @@
 //! answers which site stands for the bit of surface that a ray met.
 
 pub mod cells;
+mod crowd;
 pub mod neighbours;
+mod samples;
 mod scatter;
 
 use glam::Vec3;
 
 use crate::geometry::SurfacePoint;
-use crate::scatter::octaves::{Frozen, Octaves};
+use crate::scatter::bricks::Bricks;
 use crate::scatter::surface::Piece;
 
 pub use cells::{Cells, Ground};
 pub use neighbours::Neighbours;
-pub use scatter::Samples;
+pub use samples::Samples;
 
 /// The index of a site.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -35,13 +37,14 @@ pub struct SiteParams {
     pub seed: u64,
     /// Level 0 has about this many sites.
     pub coarsest: usize,
-    /// Candidates thrown per squared spacing and level: fewer leave gaps, more cost time.
+    /// Candidates thrown per squared spacing: fewer leave gaps, more cost time. Of 6, 0.5 % of the surface is farther than
+    /// one spacing from its site, and 0.03 % farther than 1.2.
     pub density: f32,
 }
 
 impl Default for SiteParams {
     fn default() -> Self {
-        Self { seed: 1, coarsest: 64, density: 9.0 }
+        Self { seed: 1, coarsest: 64, density: 6.0 }
     }
 }
 
@@ -92,7 +95,7 @@ pub struct Sites {
     pub levels: Vec<u8>,
     /// The Poisson spacing around each, local units.
     pub spacings: Vec<f32>,
-    near: Frozen<Near>,
+    near: Bricks<Near>,
 }
 
 /// What a search reads of a site.
@@ -111,13 +114,13 @@ pub const REACH: f32 = 2.1;
 impl Sites {
     /// Sites from arrays that [`Sites::to_arrays`] gave, with the look-up built anew.
     pub fn from_arrays(a: SiteArrays) -> Self {
-        let mut near = Octaves::default();
-        for (id, (position, spacing)) in a.positions.iter().zip(&a.spacings).enumerate() {
-            near.push(id as u32, *position, REACH * spacing);
-        }
-        let near = Frozen::new(&near, |id| {
-            let s = id as usize;
-            Near { position: a.positions[s], id, normal: a.normals[s], spacing: a.spacings[s] }
+        let places: Vec<(Vec3, f32)> =
+            a.positions.iter().zip(&a.spacings).map(|(p, spacing)| (*p, REACH * spacing)).collect();
+        let near = Bricks::new(&places, |s| Near {
+            position: a.positions[s],
+            id: s as u32,
+            normal: a.normals[s],
+            spacing: a.spacings[s],
         });
         Self {
             positions: a.positions,
@@ -167,20 +170,20 @@ impl Sites {
     /// The site that matches a point best; ties go to the lower id. No visibility test: [`Ground::represent`] makes one
     /// where it is needed.
     pub fn nearest(&self, point: &SurfacePoint) -> Option<SiteId> {
-        let mut best = (f32::INFINITY, u32::MAX);
-        self.near.for_each(point.position, |near| {
-            if let Some(value) = near.mismatch(point)
-                && (value, near.id) < best
-            {
-                best = (value, near.id);
-            }
-        });
+        let best = self.near.least(
+            point.position,
+            |near| near.id,
+            |near, best| match near.mismatch(point) {
+                Some(value) if (value, near.id) < best => (value, near.id),
+                _ => best,
+            },
+        );
         (best.1 != u32::MAX).then_some(SiteId(best.1))
     }
 
     /// Calls `visit` with every site that matches a point at all, and its mismatch.
     pub fn visit_matching(&self, point: &SurfacePoint, mut visit: impl FnMut(SiteId, f32)) {
-        self.near.for_each(point.position, |near| {
+        self.near.within_reach(point.position, |near| {
             if let Some(value) = near.mismatch(point) {
                 visit(SiteId(near.id), value);
             }
@@ -189,7 +192,7 @@ impl Sites {
 
     /// Calls `visit` with every site whose reach may hold the position, and some that do not.
     pub fn visit_near(&self, position: Vec3, mut visit: impl FnMut(SiteId)) {
-        self.near.for_each(position, |near| visit(SiteId(near.id)));
+        self.near.within_reach(position, |near| visit(SiteId(near.id)));
     }
 }
 

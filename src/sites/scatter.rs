@@ -1,32 +1,51 @@
 //! Growing sites by a spacing field: nested Poisson-disk levels, each only where it is wanted.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
-use super::{Plot, SiteArrays, SiteId, SiteParams, Sites};
+use super::{Plot, Samples, SiteArrays, SiteParams, Sites};
 use crate::geometry::morton;
 use crate::scatter::Candidate;
 use crate::scatter::growth::Growth;
+use crate::scatter::packing::Packing;
 use crate::scatter::surface::Surface;
-use crate::scatter::thin::Darts;
 
 /// Levels never go further than this: 2^-20 of the first spacing.
 const DEEPEST: u32 = 20;
 
-/// Points of a piece that decide which sites its area goes to.
-const AREA_POINTS: u32 = 96;
+/// Points of a piece that are asked for the spacing they want.
+const ASKED: u32 = 5;
+
+/// Pieces that go on get this share of the candidates: the next level fills their gaps.
+const OPEN_SHARE: f32 = 0.5;
 
 /// A candidate that became a site.
+#[derive(Clone, Copy)]
 struct Kept {
     candidate: Candidate,
     level: u8,
+    /// The level's spacing, or the last one's where its piece went on.
     spacing: f32,
+    /// Whether its piece went on.
+    open: bool,
+}
+
+/// What became of an active piece.
+#[derive(Clone, Copy, PartialEq)]
+enum Fate {
+    /// Nothing reflects there.
+    Dead,
+    /// Its sites are dense enough.
+    Done,
+    /// It wants more.
+    Finer,
 }
 
 impl Sites {
     /// Grows sites over the surface. `wanted` gives the spacing wanted around a point, or None where nothing reflects;
     /// it is met within a factor √2. Also says how each piece of surface was served.
     ///
-    /// The result depends on the surface, the field and the parameters alone. Cost: about 1 µs a site and level.
+    /// The result depends on the surface, the field and the parameters alone. Cost: about 1.5 µs a site.
     pub fn scatter(
         surface: &Surface<'_>,
         params: &SiteParams,
@@ -34,141 +53,101 @@ impl Sites {
     ) -> (Self, Vec<Plot>, Samples) {
         let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
         let mut growth = Growth::new(surface, first, params.seed);
+        let mut packing = Packing::default();
         let mut kept: Vec<Kept> = Vec::new();
         let mut plots = Vec::new();
         while !growth.active.is_empty() {
-            let candidates = growth.candidates(params.density);
-            let wants = wants(&growth, &candidates, &wanted);
-            throw(&growth, &candidates, &wants, &mut kept);
-            let finer = |w: &Option<f32>| {
-                growth.level < DEEPEST && w.is_some_and(|w| w * std::f32::consts::SQRT_2 < growth.spacing)
+            let fates = fates(&growth, params.density, &wanted);
+            let density = |fate: &Fate| match fate {
+                Fate::Dead => 0.0,
+                Fate::Done => params.density,
+                Fate::Finer => params.density * OPEN_SHARE,
             };
-            let keep: Vec<bool> = wants.iter().map(finer).collect();
-            for (k, piece) in growth.active.iter().enumerate().filter(|(k, _)| !keep[*k]) {
-                plots.push(Plot { piece: *piece, spacing: wants[k].map_or(0.0, |_| growth.spacing) });
+            let densities: Vec<f32> = fates.iter().map(density).collect();
+            let (level, spacing) = (growth.level as u8, growth.spacing);
+            kept.extend(packing.throw(&growth, &densities).into_iter().map(|candidate| {
+                let open = fates[candidate.piece as usize] == Fate::Finer;
+                Kept { candidate, level, spacing, open }
+            }));
+            for (piece, fate) in growth.active.iter().zip(&fates).filter(|(_, fate)| **fate != Fate::Finer) {
+                plots.push(Plot { piece: *piece, spacing: if *fate == Fate::Done { spacing } else { 0.0 } });
             }
-            growth.descend(&keep);
+            let finer: Vec<bool> = fates.iter().map(|f| *f == Fate::Finer).collect();
+            growth.descend(&finer);
         }
         plots.par_sort_unstable_by_key(|plot| plot.piece.place());
-        let plot_of = |k: &Kept| {
-            let along = k.candidate.along();
-            plots[plots.partition_point(|plot| plot.piece.place() <= along).max(1) - 1].spacing
-        };
-        let spacings: Vec<f32> =
-            kept.par_iter().map(|k| Some(plot_of(k)).filter(|&s| s > 0.0).unwrap_or(k.spacing)).collect();
-        let mut sites = Self::from_arrays(in_order(&kept, &spacings));
-        let samples = share(&mut sites, surface, &plots, params.seed);
+        settle(&mut kept, &plots);
+        let mut sites = Self::from_arrays(in_order(&kept));
+        let samples = Samples::share(&mut sites, surface, &plots, params.seed);
         (sites, plots, samples)
     }
 }
 
-/// Points of a piece that are asked for the spacing they want.
-const ASKED: usize = 5;
-
-/// Per active piece the smallest spacing wanted at some of its candidates.
-fn wants(
+/// What becomes of each active piece, by the smallest spacing wanted at some of its candidates.
+fn fates(
     growth: &Growth<'_>,
-    candidates: &[Candidate],
+    density: f32,
     wanted: &(impl Fn(&Candidate) -> Option<f32> + Sync),
-) -> Vec<Option<f32>> {
+) -> Vec<Fate> {
     (0..growth.active.len())
         .into_par_iter()
         .with_min_len(64)
         .map(|piece| {
-            let first = candidates.partition_point(|c| (c.piece as usize) < piece);
-            let own = candidates[first..].partition_point(|c| c.piece as usize == piece);
-            let step = own.div_ceil(ASKED).max(1);
-            let asked = candidates[first..first + own].iter().step_by(step);
-            asked.filter_map(wanted).min_by(f32::total_cmp)
+            let count = growth.count(piece, density);
+            let mut fate = Fate::Dead;
+            for i in (0..count).step_by(count.div_ceil(ASKED) as usize) {
+                match wanted(&growth.candidate(piece, (i, count))) {
+                    None => {}
+                    // One that wants more decides for all.
+                    Some(w) if growth.level < DEEPEST && w * std::f32::consts::SQRT_2 < growth.spacing => {
+                        return Fate::Finer;
+                    }
+                    Some(_) => fate = Fate::Done,
+                }
+            }
+            fate
         })
         .collect()
 }
 
-fn throw(growth: &Growth<'_>, candidates: &[Candidate], wants: &[Option<f32>], kept: &mut Vec<Kept>) {
-    let mut darts = Darts::new(growth.spacing, 2 * kept.len());
-    kept.iter().for_each(|k| darts.keep(k.candidate.point));
-    for candidate in candidates.iter().filter(|c| wants[c.piece as usize].is_some()) {
-        if !darts.conflicts(&candidate.point) {
-            darts.keep(candidate.point);
-            kept.push(Kept { candidate: *candidate, level: growth.level as u8, spacing: growth.spacing });
+/// Gives the sites of pieces that went on the spacing of the plots that those became.
+fn settle(kept: &mut [Kept], plots: &[Plot]) {
+    kept.par_iter_mut().with_min_len(256).filter(|k| k.open).for_each(|k| {
+        let Candidate { back, place, .. } = k.candidate;
+        let before = |plot: &Plot| (plot.piece.back, plot.piece.first) <= (back, place);
+        let mut plot = plots.partition_point(before).max(1) - 1;
+        if plots[plot].piece.path > 1 {
+            // Several plots share the triangle.
+            let along = k.candidate.along();
+            plot = plots.partition_point(|plot| plot.piece.place() <= along).max(1) - 1;
         }
-    }
+        if plots[plot].spacing > 0.0 {
+            k.spacing = plots[plot].spacing;
+        }
+    });
 }
 
 /// The arrays in Morton order, fronts before backs.
-fn in_order(kept: &[Kept], spacings: &[f32]) -> SiteArrays {
-    let smallest = spacings.iter().copied().fold(f32::INFINITY, f32::min).max(1e-6);
-    let corner = kept
-        .iter()
-        .map(|k| k.candidate.point.position)
-        .fold(glam::Vec3::splat(f32::INFINITY), glam::Vec3::min);
-    let mut order: Vec<(bool, u64, u32)> = kept
-        .iter()
-        .enumerate()
-        .map(|(i, k)| {
-            (k.candidate.back, morton::code(k.candidate.point.position, corner, smallest), i as u32)
+fn in_order(kept: &[Kept]) -> SiteArrays {
+    let smallest = kept.iter().map(|k| k.spacing).fold(f32::INFINITY, f32::min);
+    let corner = kept.iter().map(|k| k.candidate.point.position).fold(Vec3::splat(f32::INFINITY), Vec3::min);
+    let mut order: Vec<(u64, u32)> = kept
+        .par_iter()
+        .zip(0..kept.len() as u32)
+        .map(|(k, i)| {
+            let code = morton::code(k.candidate.point.position, corner, smallest);
+            (code | u64::from(k.candidate.back) << 63, i)
         })
         .collect();
     order.par_sort_unstable();
-    let mut arrays = SiteArrays::default();
-    for (_, _, i) in order {
-        let Kept { candidate, level, .. } = &kept[i as usize];
-        arrays.positions.push(candidate.point.position);
-        arrays.normals.push(candidate.point.normal);
-        arrays.triangles.push(candidate.triangle);
-        arrays.barycentrics.push(candidate.barycentric);
-        arrays.levels.push(*level);
-        arrays.spacings.push(spacings[i as usize]);
+    let sorted: Vec<Kept> = order.par_iter().map(|(_, i)| kept[*i as usize]).collect();
+    SiteArrays {
+        positions: sorted.par_iter().map(|k| k.candidate.point.position).collect(),
+        normals: sorted.par_iter().map(|k| k.candidate.point.normal).collect(),
+        areas: vec![],
+        triangles: sorted.par_iter().map(|k| k.candidate.triangle).collect(),
+        barycentrics: sorted.par_iter().map(|k| k.candidate.barycentric).collect(),
+        levels: sorted.par_iter().map(|k| k.level).collect(),
+        spacings: sorted.par_iter().map(|k| k.spacing).collect(),
     }
-    arrays
-}
-
-/// Points of the surface by the site that stands for them.
-#[derive(Debug, Clone, Default)]
-pub struct Samples {
-    /// Sites + 1 offsets.
-    offsets: Vec<u32>,
-    /// The points, and the area that each stands for.
-    points: Vec<(Candidate, f32)>,
-}
-
-impl Samples {
-    /// The points that a site stands for, each with its area; few, sometimes none.
-    pub fn of(&self, site: usize) -> &[(Candidate, f32)] {
-        &self.points[self.offsets[site] as usize..self.offsets[site + 1] as usize]
-    }
-}
-
-/// Every piece's area goes to the sites nearest to a few of its points; says which points.
-fn share(sites: &mut Sites, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> Samples {
-    let served: Vec<(f32, Vec<(SiteId, Candidate)>)> = plots
-        .par_iter()
-        .filter(|plot| plot.spacing > 0.0)
-        .map(|plot| {
-            let point = |i| surface.candidate((0, &plot.piece), (i, AREA_POINTS), seed ^ 0xa2ea);
-            let serve = |c: Candidate| sites.nearest(&c.point).map(|site| (site, c));
-            (plot.piece.area, (0..AREA_POINTS).map(point).filter_map(serve).collect())
-        })
-        .collect();
-    let mut sums = vec![0.0f64; sites.len()];
-    let mut offsets = vec![0u32; sites.len() + 1];
-    for (area, points) in &served {
-        for (site, _) in points {
-            sums[site.index()] += f64::from(*area) / points.len() as f64;
-            offsets[site.index() + 1] += 1;
-        }
-    }
-    (0..sites.len()).for_each(|i| offsets[i + 1] += offsets[i]);
-    let mut next = offsets.clone();
-    let total = *offsets.last().unwrap_or(&0) as usize;
-    let mut points: Vec<Option<(Candidate, f32)>> = vec![None; total];
-    for (area, members) in served {
-        let part = area / members.len() as f32;
-        for (site, candidate) in members {
-            points[next[site.index()] as usize] = Some((candidate, part));
-            next[site.index()] += 1;
-        }
-    }
-    sites.areas = sums.into_iter().map(|a| a as f32).collect();
-    Samples { offsets, points: points.into_iter().flatten().collect() }
 }
