@@ -3,16 +3,12 @@
 use crate::geometry::{SurfacePoint, hemisphere, tangent_frame};
 use crate::light::{Rgb, mean_channel};
 use crate::scene::Sky;
-use crate::links::lamps::Lamp;
-use crate::rays::Bvh;
+use crate::links::lamps::light::{Shares, weight};
+use crate::links::lamps::shadow::Shadows;
 
-/// Lamps looked at; the strongest.
-const MOST_LAMPS: usize = 8;
-
-/// The lamps' light on a surface, roughly: one shadow ray a lamp.
+/// The lamps' light on a surface, roughly: one shadow ray for all of them.
 pub struct Shine<'a> {
-    lamps: Vec<&'a Lamp>,
-    bvh: &'a Bvh,
+    shadows: Shadows<'a>,
     /// Mean of lamps' and sky's light where surfaces exchange light, W·m⁻².
     level: f32,
 }
@@ -22,18 +18,10 @@ pub type Representative = (SurfacePoint, f32, f32);
 
 impl<'a> Shine<'a> {
     /// Over points that stand for the scene.
-    pub fn new(
-        lamps: &'a [Lamp],
-        bvh: &'a Bvh,
-        sky: Option<&Sky>,
-        over: impl Iterator<Item = Representative>,
-    ) -> Self {
-        let mut lamps: Vec<&Lamp> = lamps.iter().collect();
-        lamps.sort_by(|a, b| mean_channel(b.strength).total_cmp(&mean_channel(a.strength)));
-        lamps.truncate(MOST_LAMPS);
-        let mut shine = Self { lamps, bvh, level: 0.0 };
-        let (mut sum, mut total) = (0.0, 0.0);
+    pub fn new(shadows: Shadows<'a>, sky: Option<&Sky>, over: impl Iterator<Item = Representative>) -> Self {
+        let mut shine = Self { shadows, level: 0.0 };
         let outside = sky.map_or(0.0, |sky| mean_channel(mean_radiance(sky)) * std::f32::consts::PI);
+        let (mut sum, mut total) = (0.0, 0.0);
         for (point, weight, open) in over {
             sum += (shine.at(&point) + open * outside) * weight;
             total += weight;
@@ -43,15 +31,10 @@ impl<'a> Shine<'a> {
     }
 
     fn at(&self, point: &SurfacePoint) -> f32 {
-        let from = |lamp: &&Lamp| {
-            let coupling = lamp.coupling(point);
-            if coupling <= 0.0 {
-                return 0.0;
-            }
-            let seen = lamp.visibility(point, self.bvh, 1, [0.5, 0.5]).unwrap_or(0.0);
-            coupling * seen * mean_channel(lamp.strength)
-        };
-        self.lamps.iter().map(from).sum()
+        let mut shares = Shares::new();
+        self.shadows.tree.shares(self.shadows.lamps, point, &mut shares);
+        let seen = self.shadows.trace(point, &shares, 1, [0.5, 0.5]).visibility().unwrap_or(0.0);
+        seen * weight(&shares)
     }
 
     /// How much the light differs within a reach of a point, over its mean in the scene.

@@ -43,9 +43,9 @@ impl Plan {
         let rays = (256.0 / ease).clamp(48.0, 2048.0) as u32;
         Self {
             sites: SiteParams { seed, ..SiteParams::default() },
-            site_spacing: 0.5,
+            site_spacing: 0.7,
             widest_spacing: 3.0,
-            variation: 0.1,
+            variation: (0.1 * ease) as f32,
             closest: 0.25,
             direct: DirectParams {
                 first: if ease > 3.0 { 4 } else { 8 },
@@ -53,9 +53,9 @@ impl Plan {
                 seed: seed ^ 0xd1,
             },
             receivers: ReceiverParams {
-                factor: (0.2 * ease.sqrt()) as f32,
+                factor: (0.4 * ease.sqrt()) as f32,
                 largest_radius: 0.2,
-                finest: 13_000.0 * ease.powf(-1.1),
+                finest: 3_000.0 * ease.powf(-0.8),
                 density: 4.0,
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
@@ -63,7 +63,7 @@ impl Plan {
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
             interpolation: 0.5 * error,
-            passes: 5,
+            passes: 8,
             judges: 400,
         }
     }

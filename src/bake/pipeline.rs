@@ -109,7 +109,7 @@ pub fn build(
 
     let stage = Stage::start(monitor, "sites", "sites", None);
     let (radii, smallest) = (placement.radii(), placement.smallest_radius);
-    let shine = Shine::new(&lamps, &bvh, scene.sky.as_ref(), radii.representatives());
+    let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
     let spacing = |at: &Candidate| {
         let (radius, share) = radii.at(&at.point).filter(|_| is_lit(at))?;
         // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
@@ -128,7 +128,7 @@ pub fn build(
 
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
     let receivers = Receivers::settle(layout.around(grounds), placement);
-    let spread = Spread::fit(layout.around(grounds), &receivers);
+    let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means);
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());

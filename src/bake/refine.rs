@@ -35,7 +35,7 @@ pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result
         let first = work.receivers.len();
         let around = work.layout.around(work.grounds);
         refine::split(around, &mut work.receivers, &chosen, plan.receivers.rows.seed ^ 0x511);
-        work.spread.update(around, &work.receivers, first);
+        work.spread.update(around, &work.receivers, &work.layout.means, first);
         let fresh = work.problem().row_lights(first..work.receivers.len(), &work.solution.radiosity);
         fresh.into_iter().for_each(|light| work.solution.add(light));
         work.solution.surplus = work.problem().surplus(&work.solution);

@@ -1,7 +1,11 @@
 //! A bake under way: its receivers may still be split.
 
+use glam::Vec3;
+use rayon::prelude::*;
+
 use super::laws::Plan;
 use super::model::materials;
+use crate::geometry::SurfacePoint;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps::Lamp;
@@ -11,7 +15,7 @@ use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::light::Rgb;
-use crate::sites::{Cells, Neighbours, Plot, Sites};
+use crate::sites::{Cells, Neighbours, Plot, Samples, SiteId, Sites};
 use crate::solve::{Problem, Solution};
 
 /// What stays fixed all along.
@@ -43,6 +47,8 @@ pub struct Layout {
     pub albedo: Vec<Rgb>,
     /// Exitance per site where rows meet it.
     pub exitance: Vec<Rgb>,
+    /// Mean point and mean normal of the surface that each site stands for.
+    pub means: Vec<SurfacePoint>,
     /// Lamp links.
     pub direct: Direct,
     /// Rays traced.
@@ -56,11 +62,12 @@ impl Layout {
         let (sites, plots, samples) = Sites::scatter(surface, &plan.sites, spacing);
         let (graph, linked) = Neighbours::link(&sites, bvh);
         let cells = Cells::new(surface, &plots);
+        let means = means(&sites, &samples);
         let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
         let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
         let direct = Direct::look(around, &samples, lamps, &plan.direct);
         let rays = linked.ray_count as u64 + direct.rays;
-        Self { sites, graph, cells, plots, albedo, exitance, direct, rays }
+        Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays }
     }
 
     /// The rays' world.
@@ -68,6 +75,20 @@ impl Layout {
         let (sites, graph, cells) = (&self.sites, &self.graph, &self.cells);
         Surroundings { scene: grounds.scene, bvh: grounds.bvh, sites, graph, cells }
     }
+}
+
+fn means(sites: &Sites, samples: &Samples) -> Vec<SurfacePoint> {
+    let mean = |s: usize| {
+        let own = sites.point(SiteId(s as u32));
+        let (mut position, mut normal, mut area) = (Vec3::ZERO, Vec3::ZERO, 0.0);
+        for (sample, part) in samples.of(s) {
+            position += sample.point.position * *part;
+            normal += sample.point.normal * *part;
+            area += part;
+        }
+        if area > 0.0 { SurfacePoint { position: position / area, normal: normal / area } } else { own }
+    };
+    (0..sites.len()).into_par_iter().with_min_len(256).map(mean).collect()
 }
 
 /// All that a bake changes on its way.
@@ -95,7 +116,7 @@ impl Work<'_> {
             direct: &self.layout.direct,
             albedo: &self.layout.albedo,
             exitance: &self.layout.exitance,
-            sky: self.grounds.scene.sky.as_ref(),
+            sky: self.layout.direct.sky.as_ref(),
         }
     }
 

@@ -410,16 +410,19 @@ pub struct Spread {
 
 impl Spread {
     /// Finds every site's receivers by visibility and fits their weights.
-    pub fn fit(around: Surroundings<'_>, receivers: &Receivers) -> Self {
+    ///
+    /// `means` are the mean points and mean normals of the surface that each site stands for: light is near to linear in
+    /// both, so that a fit there is the mean over the surface.
+    pub fn fit(around: Surroundings<'_>, receivers: &Receivers, means: &[SurfacePoint]) -> Self {
         let mut spread = Self { offsets: vec![0; around.sites.len() + 1], ..Self::default() };
-        spread.refit(around, receivers, |_| true);
+        spread.refit(around, (receivers, means), |_| true);
         spread
     }
 
     /// Finds and fits anew the sites that the receivers from number `first` on reach.
-    pub fn update(&mut self, around: Surroundings<'_>, receivers: &Receivers, first: usize) {
+    pub fn update(&mut self, around: Surroundings<'_>, receivers: &Receivers, means: &[SurfacePoint], first: usize) {
         let fresh = SupportIndex::new(&receivers.index.supports()[first..]);
-        self.refit(around, receivers, |site| {
+        self.refit(around, (receivers, means), |site| {
             let mut reached = false;
             fresh.for_each(&around.sites.point(SiteId(site as u32)), REACH, |_, _| reached = true);
             reached
@@ -429,14 +432,14 @@ impl Spread {
     fn refit(
         &mut self,
         around: Surroundings<'_>,
-        receivers: &Receivers,
+        (receivers, means): (&Receivers, &[SurfacePoint]),
         stale: impl Fn(usize) -> bool + Sync,
     ) {
         let fits: Vec<Option<SiteFit>> = (0..around.sites.len())
             .into_par_iter()
             .with_min_len(64)
             .map_init(Vec::new, |found, site| {
-                stale(site).then(|| fit_site(around, receivers, SiteId(site as u32), found))
+                stale(site).then(|| fit_site(around, receivers, (SiteId(site as u32), &means[site]), found))
             })
             .collect();
         let mut spread = Self { offsets: vec![0], rays: self.rays, ..Self::default() };
@@ -477,7 +480,7 @@ const LISTED: usize = 32;
 fn fit_site(
     around: Surroundings<'_>,
     receivers: &Receivers,
-    site: SiteId,
+    (site, mean): (SiteId, &SurfacePoint),
     found: &mut Vec<(f32, u32)>,
     ) -> SiteFit {
     let at = around.sites.point(site);
@@ -496,7 +499,7 @@ fn fit_site(
             }
         }
     }
-    let weights = mls::weights(&at, &supports, Sign::NonNegative);
+    let weights = mls::weights(mean, &supports, Sign::NonNegative);
     if weights.is_empty() {
         ids.clear();
     }

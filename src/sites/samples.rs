@@ -9,7 +9,7 @@ use crate::scatter::Candidate;
 use crate::scatter::surface::{Spot, Surface};
 
 /// Points of a piece that decide which sites its area goes to.
-const AREA_POINTS: u32 = 16;
+const AREA_POINTS: u32 = 48;
 
 const NOBODY: u32 = u32::MAX;
 

@@ -10,7 +10,7 @@ use crate::links::direct::{DirectParams, Query};
 use crate::links::receivers::Receivers;
 use crate::links::rows::{self, FIRST_MARK, LOST, Rows, SKY};
 use crate::tree::Support;
-use crate::tree::mls::{self, Sign};
+use crate::tree::mls::{self, Fit, Sign};
 
 /// The light that falls on one point, as the solution knows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,6 +45,9 @@ pub struct FieldParams {
 
 /// Fits of fewer receivers than this are not trusted.
 pub const FEWEST: usize = 3;
+
+/// Leverages count up to this.
+const MOST_LEVERAGE: f32 = 0.99;
 
 /// A site's shadows speak for points whose normals' cosine with its own is at least this (18°).
 const SAME_TURN: f32 = 0.95;
@@ -81,8 +84,8 @@ impl Field<'_> {
         let listed = if listed.len() < FEWEST { &[][..] } else { listed };
         let near = &nearest(problem.receivers, point, listed);
         match fit(problem.receivers, point, near) {
-            Some(weights) => {
-                let blended = self.blend(point, near, &weights, direct);
+            Some(fit) => {
+                let blended = self.blend(point, near, &fit, direct);
                 let trusted = blended.error <= self.params.doubt * self.solution.level;
                 if trusted { blended } else { self.gather(point, direct) }
             }
@@ -90,16 +93,18 @@ impl Field<'_> {
         }
     }
 
-    fn blend(&self, point: &SurfacePoint, near: &[u32], weights: &[f32], direct: Rgb) -> Irradiance {
+    fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {
         let mut out = Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
-        for (&r, &w) in near.iter().zip(weights) {
+        for (&r, &w) in near.iter().zip(&fit.weights) {
             let r = r as usize;
             let turn = point.normal - self.problem.receivers.index.supports()[r].point.normal;
             out.indirect += (self.solution.irradiance[r] + self.solution.gradient[r] * turn) * w;
             out.sky_visibility += self.solution.sky_visibility[r] * w;
             out.error += self.solution.surplus[r] * self.solution.surplus[r] * w.abs();
         }
-        out.error = out.error.sqrt();
+        // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
+        let leverage = fit.leverage.min(MOST_LEVERAGE);
+        out.error = out.error.sqrt() * (1.0 + leverage / (1.0 - leverage));
         out.indirect = out.indirect.max(Rgb::ZERO);
         out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
         out
@@ -149,11 +154,10 @@ pub fn nearest(receivers: &Receivers, point: &SurfacePoint, listed: &[u32]) -> S
 }
 
 /// Weights of the receivers at a point; None when none of them reaches it.
-fn fit(receivers: &Receivers, point: &SurfacePoint, near: &[u32]) -> Option<SmallVec<[f32; mls::MOST]>> {
+fn fit(receivers: &Receivers, point: &SurfacePoint, near: &[u32]) -> Option<Fit> {
     let supports: SmallVec<[Support; mls::MOST]> =
         near.iter().map(|&r| receivers.index.supports()[r as usize]).collect();
-    let weights = mls::weights(point, &supports, Sign::Any);
-    (!weights.is_empty()).then_some(weights)
+    Some(mls::fit(point, &supports, Sign::Any)).filter(|fit| !fit.weights.is_empty())
 }
 
 /// Irradiance fitted to the given receivers, with their gradients.
@@ -164,7 +168,7 @@ pub fn interpolate(
     near: &[u32],
 ) -> Option<Rgb> {
     let near = &nearest(receivers, point, near);
-    let weights = fit(receivers, point, near)?;
+    let weights = fit(receivers, point, near)?.weights;
     let value = |r: usize| {
         let turn = point.normal - receivers.index.supports()[r].point.normal;
         solution.irradiance[r] + solution.gradient[r] * turn

@@ -32,6 +32,21 @@ pub enum Sign {
 ///
 /// Cost: one pass to accumulate ten moments, one 4×4 Cholesky solve, one pass to evaluate.
 pub fn weights(at: &SurfacePoint, supports: &[Support], sign: Sign) -> SmallVec<[f32; MOST]> {
+    fit(at, supports, sign).weights
+}
+
+/// A fit at a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Fit {
+    /// One weight a support; empty when none reaches.
+    pub weights: SmallVec<[f32; MOST]>,
+    /// How far the point lies outside of the supports, in [0, 1): mᵀ M⁻¹ m with m their mean offset and M its second
+    /// moments. 0 at their centre; beyond one half the fit extrapolates.
+    pub leverage: f32,
+}
+
+/// [`weights`], and how far they extrapolate.
+pub fn fit(at: &SurfacePoint, supports: &[Support], sign: Sign) -> Fit {
     let (s, t) = tangent_frame(at.normal);
     let mut kernel = SmallVec::<[f64; MOST]>::new();
     let mut features = SmallVec::<[[f64; 4]; MOST]>::new();
@@ -43,7 +58,7 @@ pub fn weights(at: &SurfacePoint, supports: &[Support], sign: Sign) -> SmallVec<
     }
     let total: f64 = kernel.iter().sum();
     if total <= 0.0 {
-        return SmallVec::new();
+        return Fit { weights: SmallVec::new(), leverage: 1.0 };
     }
     normalise_positions(&mut features, &kernel, total);
     let slope = slope(&features, &kernel, total);
@@ -54,7 +69,8 @@ pub fn weights(at: &SurfacePoint, supports: &[Support], sign: Sign) -> SmallVec<
         kernel.iter().zip(&tilt).map(|(w, g)| w * (1.0 + scale * g)).collect();
     let sum: f64 = out.iter().sum();
     out.iter_mut().for_each(|w| *w /= sum);
-    out.iter().map(|w| *w as f32).collect()
+    let lean: f64 = kernel.iter().zip(&tilt).map(|(w, g)| w * g).sum();
+    Fit { weights: out.iter().map(|w| *w as f32).collect(), leverage: (-lean / total).clamp(0.0, 1.0) as f32 }
 }
 
 /// The kernel over interpolation distance: Franke–Little-like, ends smoothly at 2, steep but finite at 0.
