@@ -46,7 +46,7 @@ impl Sites {
     /// it is met within a factor √2. Also says how each piece of surface was served.
     ///
     /// The result depends on the surface, the field and the parameters alone. Cost: about 2.5 µs of one core a site,
-    /// and five calls of `wanted` for every six.
+    /// and at most five calls of `wanted` a piece of surface and level.
     pub fn scatter(
         surface: &Surface<'_>,
         params: &SiteParams,
