@@ -69,48 +69,8 @@ impl Octaves {
     }
 }
 
-/// First and last entry by cell.
-type Runs = HashMap<u64, (u32, u32), BuildHasherDefault<Passing>>;
-
-/// Spheres that stay: as [`Octaves`], with what a visitor reads laid out cell by cell.
-#[derive(Default, Clone)]
-pub struct Frozen<T> {
-    /// (cell edge, entries by cell), finest first.
-    grids: Vec<(f32, Runs)>,
-    entries: Vec<T>,
-}
-
-impl<T: Copy> Frozen<T> {
-    /// Lays out `entry(id)` for every sphere that the octaves hold.
-    pub fn new(octaves: &Octaves, entry: impl Fn(u32) -> T) -> Self {
-        let mut frozen = Self { grids: Vec::new(), entries: Vec::new() };
-        for (_, edge, grid) in &octaves.grids {
-            let cells = grid
-                .iter()
-                .map(|(key, ids)| {
-                    let first = frozen.entries.len() as u32;
-                    frozen.entries.extend(ids.iter().map(|&id| entry(id)));
-                    (*key, (first, frozen.entries.len() as u32))
-                })
-                .collect();
-            frozen.grids.push((*edge, cells));
-        }
-        frozen
-    }
-
-    /// Calls `visit` for every sphere that holds the point, and some that do not, the small ones first.
-    #[inline]
-    pub fn for_each(&self, at: Vec3, mut visit: impl FnMut(&T)) {
-        for (edge, grid) in &self.grids {
-            if let Some(&(first, last)) = grid.get(&key(cell(at, *edge))) {
-                self.entries[first as usize..last as usize].iter().for_each(&mut visit);
-            }
-        }
-    }
-}
-
 fn cell(position: Vec3, edge: f32) -> [i32; 3] {
-    (position / edge).floor().as_ivec3().to_array()
+    super::floor(position * edge.recip())
 }
 
 fn key([x, y, z]: [i32; 3]) -> u64 {

@@ -151,8 +151,10 @@ fn colour_of([x, y, z]: Key) -> i32 {
 
 impl Drawn {
     fn new(growth: &Growth<'_>, pieces: &[u32], densities: &[f32]) -> Self {
-        let mut darts: Vec<Dart> = Vec::new();
-        let mut members: Vec<u32> = Vec::new();
+        let count = |&p: &u32| growth.count(p as usize, densities[p as usize]) as usize;
+        let total = pieces.iter().map(count).sum();
+        let mut darts: Vec<Dart> = Vec::with_capacity(total);
+        let mut members: Vec<u32> = Vec::with_capacity(total);
         let mut blocks: Vec<(Key, u32)> = Vec::new();
         let mut directory = Directory::default();
         let mut last = (Key::default(), u32::MAX);
@@ -178,7 +180,7 @@ impl Drawn {
             sum += *count;
             *count = sum;
         }
-        let mut sorted = darts.clone();
+        let mut sorted = vec![Dart::default(); total];
         for (dart, block) in darts.iter().zip(&members) {
             let at = &mut next[*block as usize];
             sorted[*at as usize] = *dart;

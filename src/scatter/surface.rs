@@ -188,7 +188,7 @@ pub struct Spot {
 }
 
 /// A candidate before anybody needs to know more of it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Dart {
     /// Local position.
     pub position: Vec3,
@@ -249,8 +249,8 @@ impl<'s> Draw<'s> {
             let k = self.find(want, from);
             (k, (want - before[k]) / (before[k + 1] - before[k]))
         };
-        // In this order a triangle whose area was lost to rounding gives zero, not NaN.
-        let within = (within as f32).max(0.0).min(0.999_999);
+        // A triangle whose area was lost to rounding gives NaN, which is not less than anything.
+        let within = if within > 0.0 { (within as f32).min(0.999_999) } else { 0.0 };
         let (u, v) = triangle::uniform_barycentric([within, across]);
         let ([du, dv], scale) = self.part;
         (k, [du + scale * u, dv + scale * v])

@@ -65,7 +65,7 @@ impl Darts {
     }
 
     fn cell(&self, p: Vec3) -> [i32; 3] {
-        (p / self.spacing).floor().as_ivec3().to_array()
+        super::floor(p / self.spacing)
     }
 
     /// The slot that holds a key, or the free one where it belongs.
