@@ -2,9 +2,9 @@
 
 use crate::geometry::{SurfacePoint, hemisphere, tangent_frame};
 use crate::light::{Rgb, mean_channel};
-use crate::scene::Sky;
 use crate::links::lamps::light::{Shares, weight};
 use crate::links::lamps::shadow::Shadows;
+use crate::scene::Sky;
 
 /// The lamps' light on a surface, roughly: one shadow ray for all of them.
 pub struct Shine<'a> {

@@ -29,6 +29,10 @@ pub struct Plan {
     pub doubt: f32,
     /// Relative RMS error that interpolation between receivers may make.
     pub interpolation: f64,
+    /// Claimed error, relative to the mean irradiance, from which a site gets a row of its own.
+    pub site_doubt: f32,
+    /// Rounds of giving sites rows at the most.
+    pub own_passes: usize,
     /// Rounds of splitting receivers at the most.
     pub passes: usize,
     /// Points that judge the result.
@@ -63,6 +67,8 @@ impl Plan {
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
             interpolation: 0.5 * error,
+            site_doubt: (15.0 * error) as f32,
+            own_passes: 2,
             passes: 8,
             judges: 400,
         }

@@ -3,10 +3,10 @@
 use super::grading::Shine;
 use super::laws::Plan;
 use super::model::Model;
-use super::work::{Grounds, Layout, Work};
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
+use super::work::{Grounds, Layout, Work};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::links::lamps;
@@ -114,7 +114,8 @@ pub fn build(
         let (radius, share) = radii.at(&at.point).filter(|_| is_lit(at))?;
         // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
         // the light there comes from surfaces.
-        let spacing = (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
+        let spacing =
+            (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
         if radius > CORNER * smallest {
             return Some(spacing);
         }
@@ -145,7 +146,22 @@ pub fn build(
     let Work { layout, receivers, spread, solution, .. } = work;
     let Layout { sites, graph, cells, plots, albedo, exitance, direct, .. } = layout;
     let field = plan.field();
-    let model = Model { scene, bvh, sites, graph, cells, plots, lamps, albedo, exitance, direct, receivers, spread, solution, field };
+    let model = Model {
+        scene,
+        bvh,
+        sites,
+        graph,
+        cells,
+        plots,
+        lamps,
+        albedo,
+        exitance,
+        direct,
+        receivers,
+        spread,
+        solution,
+        field,
+    };
     judge(&model, plan, (monitor, &mut report))?;
     Ok((model, report))
 }

@@ -5,8 +5,9 @@ use super::report::progress::Monitor;
 use super::work::Work;
 use crate::error::Result;
 use crate::light::mean_channel;
-use crate::links::refine;
-use crate::solve::Problem;
+use crate::links::receivers::Receivers;
+use crate::links::{Surroundings, refine};
+use crate::solve::{Problem, Solution};
 
 /// Dark surroundings count for more than their light does, down to this share of the mean.
 const DARKEST: f32 = 0.05;
@@ -20,65 +21,77 @@ const LEFT_BY_SPLIT: f64 = 0.1;
 /// One pass lowers the square of the error to this share at the most: the worst first, then they are looked at again.
 const LEFT_BY_PASS: f64 = 0.25;
 
+/// Splitting makes of the receivers placed by geometry at most this many times as many.
+const MOST_GROWTH: usize = 4;
+
+/// A split adds about this many receivers.
+const MADE_BY_SPLIT: usize = 5;
 
 /// Splits receivers until the error of interpolation is within its budget; the solution is carried along.
 pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result<()> {
-    for pass in 0..plan.passes {
+    let most = MOST_GROWTH * work.receivers.len();
+    for _ in 0..plan.passes {
         monitor.check()?;
-        let chosen = choose(&work.problem(), &work.solution, plan.interpolation);
-        if std::env::var_os("TRACE").is_some() {
-            eprintln!("pass {pass}: {} receivers, {} chosen", work.receivers.len(), chosen.len());
-        }
+        let room = (most.saturating_sub(work.receivers.len()) / MADE_BY_SPLIT).min(work.receivers.len() / 4);
+        let chosen = choose(&work.problem(), &work.solution, (plan.interpolation, room));
         if chosen.is_empty() {
             break;
         }
-        let first = work.receivers.len();
-        let around = work.layout.around(work.grounds);
-        refine::split(around, &mut work.receivers, &chosen, plan.receivers.rows.seed ^ 0x511);
-        work.spread.update(around, &work.receivers, &work.layout.means, first);
-        let fresh = work.problem().row_lights(first..work.receivers.len(), &work.solution.radiosity);
-        fresh.into_iter().for_each(|light| work.solution.add(light));
-        work.solution.surplus = work.problem().surplus(&work.solution);
+        let seed = plan.receivers.rows.seed ^ 0x511;
+        extend(work, |around, receivers| refine::split(around, receivers, &chosen, seed));
+    }
+    // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own.
+    for _ in 0..plan.own_passes {
+        monitor.check()?;
+        let limit = plan.site_doubt * work.solution.level;
+        let chosen = work.problem().doubtful_sites(&work.solution, limit);
+        if chosen.is_empty() {
+            break;
+        }
+        let seed = plan.receivers.rows.seed ^ 0x0a5;
+        extend(work, |around, receivers| refine::own(around, receivers, &chosen, seed));
     }
     Ok(())
 }
 
+/// Adds receivers, lets sites know and carries the solution along.
+fn extend(work: &mut Work<'_>, add: impl FnOnce(Surroundings<'_>, &mut Receivers)) {
+    let first = work.receivers.len();
+    let around = work.layout.around(work.grounds);
+    add(around, &mut work.receivers);
+    work.spread.update(around, &work.receivers, &work.layout.means, first);
+    let fresh = work.problem().row_lights(first..work.receivers.len(), &work.solution.radiosity);
+    fresh.into_iter().for_each(|light| work.solution.add(light));
+    work.solution.surplus = work.problem().surplus(&work.solution);
+}
+
 /// The receivers whose splitting lowers the error most, as many as it takes to come within the budget (a relative RMS
-/// error).
-fn choose(problem: &Problem<'_>, solution: &crate::solve::Solution, budget: f64) -> Vec<u32> {
+/// error), but at most `room`.
+fn choose(problem: &Problem<'_>, solution: &Solution, (budget, room): (f64, usize)) -> Vec<u32> {
     let bias = problem.bias(solution);
     let areas = problem.areas_of_receivers();
     let level = solution.level;
-    let mut radii: Vec<f32> = problem.receivers.index.supports().iter().map(|s| s.radius).collect();
-    radii.sort_unstable_by(f32::total_cmp);
-    let smallest = radii[radii.len() / 2];
+    let median = median_radius(problem);
     let mut stakes: Vec<(f64, u32)> = Vec::with_capacity(bias.len());
     let mut total = 0.0;
     for (r, (&bias, &area)) in bias.iter().zip(&areas).enumerate() {
-        let light = problem.direct.at_site(problem.lamps, problem.receivers.homes[r].index()) + solution.irradiance[r];
+        let light = problem.direct.at_site(problem.lamps, problem.receivers.homes[r].index())
+            + solution.irradiance[r];
+        total += area;
+        if problem.receivers.index.supports()[r].radius < TINIEST * median {
+            continue;
+        }
         let weight = (level / mean_channel(light).max(DARKEST * level)).sqrt();
-        let tiny = problem.receivers.index.supports()[r].radius < smallest * TINIEST;
-        if tiny { total += area; continue; }
         let bias = bias.min(level);
         stakes.push((area * f64::from(weight * bias * bias), r as u32));
-        total += area;
     }
     let allowed = budget * budget * f64::from(level * level) * total;
     let mut left: f64 = stakes.iter().map(|s| s.0).sum();
-    if std::env::var_os("TRACE").is_some() {
-        let unknown: Vec<usize> = (0..bias.len()).filter(|&r| bias[r] > 1e10).collect();
-        let area_unknown: f64 = unknown.iter().map(|&r| areas[r]).sum();
-        eprintln!("   unknown {} of {} area {:.4}", unknown.len(), bias.len(), area_unknown / total);
-        for &r in unknown.iter().step_by(unknown.len() / 8 + 1) { let s = problem.receivers.index.supports()[r]; eprintln!("      {:?} r {:.4} list {} home {:?} light {:?}", s.point, s.radius, problem.spread.receivers_of(problem.receivers.homes[r].index()).len(), problem.around.sites.point(problem.receivers.homes[r]), solution.irradiance[r]); }
-        let mut radii: Vec<f32> = problem.receivers.index.supports().iter().map(|s| s.radius).collect(); radii.sort_unstable_by(f32::total_cmp);
-        eprintln!("   radii {:?}", (0..=8).map(|k| radii[(radii.len() - 1) * k / 8]).collect::<Vec<_>>());
-        eprintln!("   interpolation {:.3} % of {:.3} %", 100.0 * (left / total).sqrt() / f64::from(level), 100.0 * budget);
-    }
     stakes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.max(LEFT_BY_PASS * left);
     let mut chosen = Vec::new();
     for (stake, r) in stakes {
-        if left <= allowed {
+        if left <= allowed || chosen.len() >= room {
             break;
         }
         left -= (1.0 - LEFT_BY_SPLIT) * stake;
@@ -86,4 +99,10 @@ fn choose(problem: &Problem<'_>, solution: &crate::solve::Solution, budget: f64)
     }
     chosen.sort_unstable();
     chosen
+}
+
+fn median_radius(problem: &Problem<'_>) -> f32 {
+    let mut radii: Vec<f32> = problem.receivers.index.supports().iter().map(|s| s.radius).collect();
+    radii.sort_unstable_by(f32::total_cmp);
+    radii.get(radii.len() / 2).copied().unwrap_or(0.0)
 }

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::laws::Plan;
 use super::model::materials;
 use crate::geometry::SurfacePoint;
+use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps::Lamp;
@@ -14,7 +15,6 @@ use crate::rays::Bvh;
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
-use crate::light::Rgb;
 use crate::sites::{Cells, Neighbours, Plot, Samples, SiteId, Sites};
 use crate::solve::{Problem, Solution};
 
@@ -57,7 +57,11 @@ pub struct Layout {
 
 impl Layout {
     /// Lays sites out by a spacing and looks at the lamps from them.
-    pub fn new(grounds: Grounds<'_>, plan: &Plan, spacing: impl Fn(&Candidate) -> Option<f32> + Sync) -> Self {
+    pub fn new(
+        grounds: Grounds<'_>,
+        plan: &Plan,
+        spacing: impl Fn(&Candidate) -> Option<f32> + Sync,
+    ) -> Self {
         let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
         let (sites, plots, samples) = Sites::scatter(surface, &plan.sites, spacing);
         let (graph, linked) = Neighbours::link(&sites, bvh);

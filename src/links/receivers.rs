@@ -283,7 +283,8 @@ impl Radii<'_> {
     pub fn representatives(&self) -> impl Iterator<Item = (SurfacePoint, f32, f32)> + '_ {
         let supports = self.index.supports().iter().zip(&self.raw.summaries);
         let rays = self.raw.rays as f32;
-        supports.map(move |(s, row)| (s.point, row.hits as f32 * s.radius * s.radius, row.escaped as f32 / rays))
+        supports
+            .map(move |(s, row)| (s.point, row.hits as f32 * s.radius * s.radius, row.escaped as f32 / rays))
     }
 }
 
@@ -420,7 +421,13 @@ impl Spread {
     }
 
     /// Finds and fits anew the sites that the receivers from number `first` on reach.
-    pub fn update(&mut self, around: Surroundings<'_>, receivers: &Receivers, means: &[SurfacePoint], first: usize) {
+    pub fn update(
+        &mut self,
+        around: Surroundings<'_>,
+        receivers: &Receivers,
+        means: &[SurfacePoint],
+        first: usize,
+    ) {
         let fresh = SupportIndex::new(&receivers.index.supports()[first..]);
         self.refit(around, (receivers, means), |site| {
             let mut reached = false;
@@ -482,7 +489,7 @@ fn fit_site(
     receivers: &Receivers,
     (site, mean): (SiteId, &SurfacePoint),
     found: &mut Vec<(f32, u32)>,
-    ) -> SiteFit {
+) -> SiteFit {
     let at = around.sites.point(site);
     receivers.index.nearest(&at, REACH, found);
     let mut rays = 0;

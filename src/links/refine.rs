@@ -11,6 +11,7 @@ use super::receivers::Receivers;
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
 use crate::rays::Ray;
 use crate::scatter::surface::side_normal;
+use crate::sites::SiteId;
 use crate::sites::cells::Said;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
@@ -64,6 +65,25 @@ pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32]
     }
     receivers.extend(around, fresh.supports(), seed);
 }
+
+/// Gives sites receivers of their own, save those that lie within one site's spacing of another that gets one.
+///
+/// Cost: a row a receiver.
+pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], seed: u64) {
+    let mut fresh = SupportIndex::default();
+    for &site in chosen {
+        let point = around.sites.point(SiteId(site));
+        let mut covered = false;
+        fresh.for_each(&point, 1.0, |_, _| covered = true);
+        if !covered {
+            fresh.push(Support { point, radius: OWN_RADIUS * around.sites.spacings[site as usize] });
+        }
+    }
+    receivers.extend(around, fresh.supports(), seed);
+}
+
+/// Radius of a site's own receiver over the spacing of sites.
+const OWN_RADIUS: f32 = 1.5;
 
 impl Surroundings<'_> {
     /// Point `i` of [`THROWN`] on the surface around another, within a radius; None where the surface ends or is dead.

@@ -102,9 +102,7 @@ impl Field<'_> {
             out.sky_visibility += self.solution.sky_visibility[r] * w;
             out.error += self.solution.surplus[r] * self.solution.surplus[r] * w.abs();
         }
-        // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
-        let leverage = fit.leverage.min(MOST_LEVERAGE);
-        out.error = out.error.sqrt() * (1.0 + leverage / (1.0 - leverage));
+        out.error = claim(out.error, fit);
         out.indirect = out.indirect.max(Rgb::ZERO);
         out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
         out
@@ -139,6 +137,25 @@ impl Field<'_> {
         }
         sum / live.max(1) as f32
     }
+}
+
+/// The standard error of a fit, from its receivers' mean square error by their weights.
+fn claim(square: f32, fit: &Fit) -> f32 {
+    // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
+    let leverage = fit.leverage.min(MOST_LEVERAGE);
+    square.sqrt() * (1.0 + leverage / (1.0 - leverage))
+}
+
+/// The standard error that interpolation claims at a point; infinite where too few receivers are near.
+pub fn claimed(receivers: &Receivers, solution: &Solution, point: &SurfacePoint, listed: &[u32]) -> f32 {
+    if listed.len() < FEWEST {
+        return f32::INFINITY;
+    }
+    let near = &nearest(receivers, point, listed);
+    let Some(fit) = fit(receivers, point, near) else { return f32::INFINITY };
+    let square =
+        near.iter().zip(&fit.weights).map(|(&r, w)| solution.surplus[r as usize].powi(2) * w.abs()).sum();
+    claim(square, &fit)
 }
 
 /// The receivers of a list that are nearest to a point, at most [`mls::MOST`].

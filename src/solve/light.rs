@@ -48,7 +48,9 @@ impl Problem<'_> {
         let (mut sum, mut live) = (Rgb::ZERO, 0u32);
         for (at, &met) in lattice.iter().zip(rows.row(r)) {
             let light = match met {
-                SKY => self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(directions.at(*at)) * std::f32::consts::PI),
+                SKY => {
+                    self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(directions.at(*at)) * std::f32::consts::PI)
+                }
                 m if m < FIRST_MARK => radiosity[m as usize],
                 _ => Rgb::ZERO,
             };

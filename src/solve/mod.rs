@@ -77,7 +77,9 @@ impl Problem<'_> {
         let mut solution = Solution { radiosity, ..Solution::default() };
         let level = self.level(&irradiance_at_sites);
         solution.level = level;
-        for (light, irradiance) in self.row_lights(0..self.receivers.len(), &solution.radiosity).into_iter().zip(irradiance) {
+        for (light, irradiance) in
+            self.row_lights(0..self.receivers.len(), &solution.radiosity).into_iter().zip(irradiance)
+        {
             solution.add(RowLight { irradiance, ..light });
         }
         solution.surplus = self.surplus(&solution);

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::{Problem, Solution, field};
 use crate::light::mean_channel;
+use crate::sites::SiteId;
 
 /// The surplus of a receiver with too few others around it: huge, but its square is finite.
 const UNKNOWN: f32 = 1.0e18;
@@ -66,6 +67,20 @@ impl Problem<'_> {
                 }
                 BETWEEN * ((square - NOISE_SHARE * noise).max(0.0) / count).sqrt()
             })
+            .collect()
+    }
+
+    /// The lit sites whose interpolation claims a larger error than this, W·m⁻².
+    pub fn doubtful_sites(&self, solution: &Solution, limit: f32) -> Vec<u32> {
+        (0..self.around.sites.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .filter(|&site| {
+                let point = self.around.sites.point(SiteId(site as u32));
+                let near = self.spread.receivers_of(site);
+                field::claimed(self.receivers, solution, &point, near) > limit
+            })
+            .map(|site| site as u32)
             .collect()
     }
 
