@@ -1,13 +1,11 @@
 //! The job: everything from a scene file to a solved job directory, interruptible and resumable.
 
-mod grading;
 pub mod job;
 pub mod laws;
 pub mod model;
 pub mod options;
 pub mod pictures;
 pub mod pipeline;
-pub mod refine;
 pub mod report;
 pub mod store;
 pub mod validate;

@@ -1,15 +1,16 @@
 //! The stages in their order, in memory: scene → sites → links → solution → judgement.
 
-use super::grading::Shine;
 use super::laws::Plan;
 use super::model::Model;
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
-use super::work::{Grounds, Layout, Work};
+use super::work::grading::Shine;
+use super::work::{self, Grounds, Layout, Work};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::links::lamps;
+use crate::links::lamps::shadow::Shadows;
 use crate::links::receivers::{Placement, Receivers, Sources, Spread};
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
@@ -45,8 +46,11 @@ pub struct Target {
 /// Rounds of refinement at the most.
 const ROUNDS: usize = 3;
 
-/// The first plan aims this much below the target, a plan that missed is followed by one this much tighter.
-const AIM: f64 = 0.8;
+/// The first plan aims this much below the target.
+const AIM: f64 = 0.75;
+
+/// A plan that missed is followed by one that makes up for it, and this much tighter.
+const TIGHTER: f64 = 0.85;
 
 /// Bakes by plans that tighten until the independent gather says that the target is met; also returns the last plan.
 pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(Model, Plan, PipelineReport)> {
@@ -71,7 +75,7 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
             return Ok((model, plan, report));
         }
         spent.rays = report.rays;
-        aim *= (AIM * target.error / reached).clamp(0.4, AIM);
+        aim *= (TIGHTER * target.error / reached).clamp(0.4, TIGHTER);
     }
     unreachable!("the last round returns")
 }
@@ -96,33 +100,16 @@ pub fn build(
     let surface = Surface::new(&scene, leaf_order(&bvh));
     let (lamps, glowing) = lamps::split(&scene);
     let tree = lamps::LampTree::new(&lamps);
-    let shadows = lamps::shadow::Shadows { tree: &tree, lamps: &lamps, bvh: &bvh };
+    let shadows = Shadows { tree: &tree, lamps: &lamps, bvh: &bvh };
     let shines = |at: &SurfacePoint| shadows.reach(at);
     let sources = Sources { shines: &shines, glowing: &glowing, sky: scene.sky.is_some() };
     let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers);
     stage.advance(placement.places.len() as u64)?;
     report.stages.push(stage.finish());
 
-    let lit = placement.lit.clone();
-    let is_lit = |at: &Candidate| lit[scene.mesh_of(at.triangle)][usize::from(at.back)];
     let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
-
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let (radii, smallest) = (placement.radii(), placement.smallest_radius);
-    let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
-    let spacing = |at: &Candidate| {
-        let (radius, share) = radii.at(&at.point).filter(|_| is_lit(at))?;
-        // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
-        // the light there comes from surfaces.
-        let spacing =
-            (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
-        if radius > CORNER * smallest {
-            return Some(spacing);
-        }
-        let variation = shine.variation(&at.point, 0.5 * spacing);
-        Some(spacing * (plan.variation / variation).clamp(plan.closest, 1.0))
-    };
-    let layout = Layout::new(grounds, plan, spacing);
+    let layout = lay(grounds, plan, &placement, shadows);
     stage.advance(layout.sites.len() as u64)?;
     report.rays += placement.rays + layout.rays;
     report.stages.push(stage.finish());
@@ -133,14 +120,14 @@ pub fn build(
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());
-    solve(&mut work, plan, bounces, (monitor, &mut report))?;
+    solve(&mut work, "first light", (plan, bounces), (monitor, &mut report))?;
 
     let stage = Stage::start(monitor, "refine", "receivers", None);
-    super::refine::refine(&mut work, plan, monitor)?;
+    work::refine::refine(&mut work, plan, monitor)?;
     stage.advance(work.receivers.len() as u64)?;
     report.stages.push(stage.finish());
 
-    solve(&mut work, plan, bounces, (monitor, &mut report))?;
+    solve(&mut work, "solve", (plan, bounces), (monitor, &mut report))?;
     report.rays += work.receivers.rows.met.len() as u64 + work.spread.rays;
 
     let Work { layout, receivers, spread, solution, .. } = work;
@@ -166,13 +153,34 @@ pub fn build(
     Ok((model, report))
 }
 
+/// Lays out sites by what the receivers' rays met and by how the lamps' light varies in corners.
+fn lay(grounds: Grounds<'_>, plan: &Plan, placement: &Placement, shadows: Shadows<'_>) -> Layout {
+    let scene = grounds.scene;
+    let (radii, smallest) = (placement.radii(), placement.smallest_radius);
+    let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
+    let spacing = |at: &Candidate| {
+        let (radius, share) =
+            radii.at(&at.point).filter(|_| placement.is_lit(scene, at.triangle, at.back))?;
+        // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
+        // the light there comes from surfaces.
+        let spacing =
+            (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
+        if radius > CORNER * smallest {
+            return Some(spacing);
+        }
+        let variation = shine.variation(&at.point, 0.5 * spacing);
+        Some(spacing * (plan.variation / variation).clamp(plan.closest, 1.0))
+    };
+    Layout::new(grounds, plan, spacing)
+}
+
 fn solve(
     work: &mut Work<'_>,
-    plan: &Plan,
-    bounces: Option<usize>,
+    name: &'static str,
+    (plan, bounces): (&Plan, Option<usize>),
     (monitor, report): (&dyn Monitor, &mut PipelineReport),
 ) -> Result<()> {
-    let stage = Stage::start(monitor, "solve", "iterations", None);
+    let stage = Stage::start(monitor, name, "iterations", None);
     let largest_albedo = work.largest_albedo();
     let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
     let params = IterateParams { tolerance, most: 2000, bounces, largest_albedo };

@@ -86,7 +86,7 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
     );
     let row = Rows::single(problem.around, point, key, params.rays);
     let indirect = field.row_light(&row, point);
-    let thorough = DirectParams { first: 256, penumbra: 256, seed: params.seed };
+    let thorough = DirectParams { first: 512, penumbra: 512, seed: params.seed };
     let direct = problem.direct.at_point(
         problem.around.bvh,
         problem.lamps,

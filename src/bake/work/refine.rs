@@ -1,8 +1,8 @@
 //! The loop that adds receivers where leaving one out would be missed, until what is left fits the error budget.
 
-use super::laws::Plan;
-use super::report::progress::Monitor;
-use super::work::Work;
+use super::Work;
+use crate::bake::laws::Plan;
+use crate::bake::report::progress::Monitor;
 use crate::error::Result;
 use crate::light::mean_channel;
 use crate::links::receivers::Receivers;

@@ -1,10 +1,13 @@
 //! A bake under way: its receivers may still be split.
 
+pub mod grading;
+pub mod refine;
+
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::laws::Plan;
-use super::model::materials;
+use crate::bake::laws::Plan;
+use crate::bake::model::materials;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::links::Surroundings;
