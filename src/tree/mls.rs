@@ -206,6 +206,23 @@ mod tests {
     }
 
     #[test]
+    fn leverage_tells_outside_from_inside() {
+        let at = |k: i32| Vec3::new(0.25 * (k % 5 - 2) as f32, 0.25 * (k / 5 - 2) as f32, 0.0);
+        let supports: Vec<Support> = (0..25)
+            .map(|k| Support { point: SurfacePoint { position: at(k), normal: Vec3::Z }, radius: 0.6 })
+            .collect();
+        let leverage = |x: f32| {
+            fit(&SurfacePoint { position: Vec3::new(x, 0.0, 0.0), normal: Vec3::Z }, &supports, Sign::Any)
+                .leverage
+        };
+        // A grid over |x| ≤ ½. In its middle all is symmetric but for rounding. Beyond it every support lies on one side:
+        // with offsets between x − ½ and x + ½ of equal weight, m²/M ≥ x²/(x² + 1/12), 0.9 at x = 0.9; the ridge takes 2 %.
+        assert!(leverage(0.0) < 1e-6, "centre {}", leverage(0.0));
+        assert!(leverage(0.5) > 0.2 && leverage(0.5) < leverage(0.7), "border {}", leverage(0.5));
+        assert!(leverage(0.9) > 0.88, "outside {}", leverage(0.9));
+    }
+
+    #[test]
     fn out_of_reach_gives_no_weights() {
         let supports = scatter(5, 1);
         let at = SurfacePoint { position: Vec3::new(50.0, 0.0, 0.0), normal: Vec3::Z };
