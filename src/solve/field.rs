@@ -102,7 +102,8 @@ impl Field<'_> {
             out.sky_visibility += self.solution.sky_visibility[r] * w;
             out.error += self.solution.surplus[r] * self.solution.surplus[r] * w.abs();
         }
-        out.error = claim(out.error, fit);
+        // Negative light tells that the fit extrapolates from others' shade: nobody speaks for this point.
+        out.error = if out.indirect.min_element() < 0.0 { f32::INFINITY } else { claim(out.error, fit) };
         out.indirect = out.indirect.max(Rgb::ZERO);
         out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
         out
@@ -112,9 +113,6 @@ impl Field<'_> {
     fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
         let problem = &self.problem;
         let row = Rows::single(problem.around, point, key(point), self.params.rays);
-        if row.summaries[0].is_dead(self.params.rays) {
-            return Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
-        }
         let indirect = self.row_light(&row, point);
         let sky_visibility = row.summaries[0].escaped as f32 / self.params.rays as f32;
         Irradiance { direct, indirect, sky_visibility, error: 0.02 * mean_channel(indirect) }
