@@ -174,7 +174,9 @@ impl Placement {
             .map_init(Vec::new, |found, candidate| {
                 let at = candidate.point;
                 let mut buried = false;
-                self.dead.for_each(&at, 1.0, |_, _| buried = true);
+                self.dead.for_each(&at, 1.0, |id, _| {
+                    buried |= mutually_visible(at, self.dead.supports()[id as usize].point, lift, bvh);
+                });
                 if buried {
                     return (Some(0.0), 0);
                 }
@@ -223,7 +225,8 @@ impl Placement {
                 .max(1e-6);
             let support = Support { point: points[k], radius };
             if fresh.summaries[k].is_dead(params.rows.rays) {
-                self.dead.push(support);
+                // A solid's inside ends where nobody has looked yet.
+                self.dead.push(Support { radius: radius.min(BURIED_SPACINGS * growth.spacing), ..support });
             } else {
                 self.index.push(support);
                 self.places.push((candidate.triangle, candidate.barycentric, candidate.back));
@@ -287,6 +290,9 @@ impl Radii<'_> {
             .map(move |(s, row)| (s.point, row.hits as f32 * s.radius * s.radius, row.escaped as f32 / rays))
     }
 }
+
+/// Points inside solids speak for no more than this many spacings of their level around them.
+const BURIED_SPACINGS: f32 = 0.25;
 
 /// Validity radius over the distance to the nearest surface in front: rays miss small things far away, candidates do not.
 const CLEARANCE_SHARE: f32 = 0.5;

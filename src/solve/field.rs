@@ -9,6 +9,8 @@ use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
 use crate::links::receivers::Receivers;
 use crate::links::rows::{self, FIRST_MARK, LOST, Rows, SKY};
+use crate::sites::SiteId;
+use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
 use crate::tree::mls::{self, Fit, Sign};
 
@@ -46,6 +48,9 @@ pub struct FieldParams {
 /// Fits of fewer receivers than this are not trusted.
 pub const FEWEST: usize = 3;
 
+/// Interpolated light below this share of the mean is not believed.
+const DARK: f32 = 2.0e-3;
+
 /// Leverages count up to this.
 const MOST_LEVERAGE: f32 = 0.99;
 
@@ -77,16 +82,25 @@ impl Field<'_> {
         let point = &set;
         let turned = |s| problem.around.sites.point(s).normal.dot(point.normal) < SAME_TURN;
         let rugged = site.is_none_or(|s| problem.around.graph.unclean(s) || turned(s));
+        // A cell next to a wall may reach through it: its site speaks for those points alone that it sees.
+        let sees = |s: &SiteId| {
+            let there = problem.around.sites.point(*s);
+            !problem.around.graph.unclean(*s)
+                || mutually_visible(*point, there, f32::INFINITY, problem.around.bvh)
+        };
+        let home = site.filter(sees);
         let site = site.map(|s| s.0);
         let query = Query { point: *point, site, rugged, key: key(point) };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
-        let listed = site.map_or(&[][..], |s| problem.spread.receivers_of(s as usize));
+        let listed = home.map_or(&[][..], |s| problem.spread.receivers_of(s.index()));
         let listed = if listed.len() < FEWEST { &[][..] } else { listed };
         let near = &nearest(problem.receivers, point, listed);
         match fit(problem.receivers, point, near) {
             Some(fit) => {
                 let blended = self.blend(point, near, &fit, direct);
-                let trusted = blended.error <= self.params.doubt * self.solution.level;
+                // Darkness may be a hidden side's, reached through a wall: it is looked into.
+                let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
+                let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
                 if trusted { blended } else { self.gather(point, direct) }
             }
             None => self.gather(point, direct),
