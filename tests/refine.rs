@@ -1,4 +1,4 @@
-//! Refinement: receivers split where leaving one out would be missed make interpolation better, and for the same price.
+//! Refinement: receivers split where leaving one out would be missed make interpolation better.
 
 mod shapes;
 
@@ -29,12 +29,17 @@ fn scene() -> Scene {
     ])
 }
 
-fn baked(passes: usize) -> Model {
+/// `finer` places more receivers by geometry, `passes` splits them.
+fn baked(finer: f32, passes: usize) -> Model {
     let mut plan = Plan::new(0.02, 3);
     (plan.passes, plan.own_passes) = (passes, 0);
-    // Points must not gather for themselves: interpolation is what is measured.
-    plan.doubt = f32::INFINITY;
+    // Rows' noise must not hide the error of interpolation.
+    plan.receivers.rows.rays = 1024;
+    // Points in corners that nothing is known of gather for themselves; all others are interpolated.
+    plan.doubt = 0.1;
     plan.judges = 10;
+    plan.receivers.factor /= finer;
+    plan.receivers.finest *= f64::from(finer * finer);
     // A budget that asks for splits.
     plan.interpolation = 0.003;
     build(scene(), &plan, None, &Silent).expect("nothing interrupts").0
@@ -47,7 +52,7 @@ fn interpolation_error(model: &Model, points: &[(SurfacePoint, f64)]) -> f64 {
     for (k, (point, area)) in points.iter().enumerate() {
         let got = field.evaluate(std::slice::from_ref(point))[0];
         let row = Rows::single(model.around(), point, hash::mix2(41, k as u64), 1024);
-        let want = mean_channel(field.row_light(&row, point));
+        let want = mean_channel(field.row_light(&row, point).irradiance);
         square += area * f64::from(mean_channel(got.indirect) - want).powi(2);
         mean += area * f64::from(want);
         total += area;
@@ -57,16 +62,47 @@ fn interpolation_error(model: &Model, points: &[(SurfacePoint, f64)]) -> f64 {
 
 #[test]
 fn splitting_lowers_the_error_of_interpolation() {
-    let (coarse, fine) = (baked(0), baked(8));
+    let (coarse, even, fine) = (baked(1.0, 0), baked(1.7, 0), baked(1.0, 8));
     let point = |s: usize| (coarse.sites.point(SiteId(s as u32)), f64::from(coarse.sites.areas[s]));
     let points: Vec<(SurfacePoint, f64)> = (0..coarse.sites.len()).step_by(5).map(point).collect();
     assert!(points.len() > 400, "{} points", points.len());
-    let (before, after) = (interpolation_error(&coarse, &points), interpolation_error(&fine, &points));
-    let (few, many) = (coarse.receivers.len() as f64, fine.receivers.len() as f64);
-    println!("{few} receivers {:.2} %, {many} receivers {:.2} %", 100.0 * before, 100.0 * after);
-    assert!(many > few && many < 4.5 * few, "{few} receivers became {many}");
-    // Spread evenly, a linear fit's error falls as 1/receivers; splitting where it matters must do better than that.
-    assert!(after < before * few / many, "{before} with {few} became {after} with {many}");
+    let [few, alike, many] = [&coarse, &even, &fine].map(|model| {
+        let (receivers, error) = (model.receivers.len(), interpolation_error(model, &points));
+        println!("{receivers} receivers {:.2} %", 100.0 * error);
+        (receivers, error)
+    });
+    assert!(many.0 > few.0 && many.0 < 4 * few.0 + few.0 / 2, "{few:?} became {many:?}");
+    // Splitting does at least as well as geometry with as many receivers would (0.43 and 0.46 % were seen), a tenth being
+    // what another seed may change.
+    assert!(many.1 < 0.7 * few.1 && many.1 < 1.1 * alike.1, "{few:?}, {alike:?}, {many:?}");
+}
+
+/// What rows claim of their noise is what rows of other lattices at the same place scatter by.
+#[test]
+fn rows_know_their_noise() {
+    let model = baked(1.0, 0);
+    let field = model.field();
+    for rays in [64, 256] {
+        let (mut claimed, mut seen) = (0.0, 0.0);
+        for k in 0..60 {
+            let r = hash::mix2(5, k) as usize % model.receivers.len();
+            let point = model.receivers.index.supports()[r].point;
+            let lights: Vec<(f64, f64)> = (0..12)
+                .map(|key| {
+                    let row = Rows::single(model.around(), &point, hash::mix2(key, k), rays);
+                    let light = field.row_light(&row, &point);
+                    (f64::from(mean_channel(light.irradiance)), f64::from(light.noise))
+                })
+                .collect();
+            let mean = lights.iter().map(|l| l.0).sum::<f64>() / 12.0;
+            seen += lights.iter().map(|l| (l.0 - mean).powi(2)).sum::<f64>() / 11.0;
+            claimed += lights.iter().map(|l| l.1.powi(2)).sum::<f64>() / 12.0;
+        }
+        let ratio = (claimed / seen).sqrt();
+        println!("{rays} rays: claimed over seen {ratio:.2}");
+        // The law stands for gains that differ by 0.8 to 1.25 of it between scenes; 720 rows leave 5 % of doubt.
+        assert!((0.76..1.32).contains(&ratio), "{rays} rays: claimed {ratio} times what is seen");
+    }
 }
 
 #[test]

@@ -1,6 +1,5 @@
 //! A scene with everything a bake makes of it, in memory.
 
-use crate::geometry::triangle;
 use rayon::prelude::*;
 
 use crate::light::Rgb;
@@ -98,15 +97,5 @@ impl Model {
     /// The solution, ready to answer.
     pub fn field(&self) -> Field<'_> {
         Field { problem: self.problem(), solution: &self.solution, params: self.field }
-    }
-
-    /// The largest albedo channel of any site.
-    pub fn largest_albedo(&self) -> f32 {
-        self.albedo.iter().map(|a| a.max_element()).fold(0.0, f32::max)
-    }
-
-    /// Total area of the scene's triangles, squared local units.
-    pub fn area(&self) -> f64 {
-        (0..self.scene.triangles.len() as u32).map(|t| f64::from(triangle::area(self.scene.corners(t)))).sum()
     }
 }

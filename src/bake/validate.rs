@@ -13,6 +13,7 @@ use crate::rays::Ray;
 use crate::scatter::surface::side_normal;
 use crate::sites::SiteId;
 use crate::solve::Field;
+use crate::solve::light::RowLight;
 
 /// How the estimate is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,9 +38,6 @@ pub struct Estimate {
     /// Rays traced.
     pub rays: u64,
 }
-
-/// Relative noise of a judging row of 1,024 lattice rays; falls as N^-0.75 (docs/theory.md, lattice noise).
-const ROW_NOISE_AT_1024: f64 = 0.0017;
 
 /// Judges a field by points spread over all lit surfaces.
 pub fn judge(field: &Field<'_>, params: &ValidateParams) -> Estimate {
@@ -85,7 +83,7 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
         u64::from(point.position.x.to_bits()) ^ u64::from(point.position.y.to_bits()) << 32,
     );
     let row = Rows::single(problem.around, point, key, params.rays);
-    let indirect = field.row_light(&row, point);
+    let RowLight { irradiance: indirect, noise, .. } = field.row_light(&row, point);
     let thorough = DirectParams { first: 512, penumbra: 512, seed: params.seed };
     let direct = problem.direct.at_point(
         problem.around.bvh,
@@ -94,14 +92,12 @@ fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> S
         &Query { point: *point, site: None, rugged: true, key },
     );
     let square = |v: glam::Vec3| f64::from(v.length_squared()) / 3.0;
-    let level =
-        f64::from(mean_channel(indirect)) * ROW_NOISE_AT_1024 * (1024.0 / f64::from(params.rays)).powf(0.75);
     Sample {
         direct: square(got.direct - direct),
         indirect: square(got.indirect - indirect),
         both: square(got.total() - indirect - direct),
         mean: f64::from(mean_channel(indirect + direct)),
-        noise: level * level,
+        noise: f64::from(noise).powi(2),
     }
 }
 

@@ -166,6 +166,11 @@ impl Rows {
         &self.met[receiver * n..(receiver + 1) * n]
     }
 
+    /// How many of a row's rays were not lost, at least one: what the row is divided by.
+    pub fn live(&self, receiver: usize) -> f32 {
+        self.row(receiver).iter().filter(|&&met| met != LOST).count().max(1) as f32
+    }
+
     /// A single row, shot on this thread alone.
     pub fn single(around: Surroundings<'_>, point: &SurfacePoint, key: u64, rays: u32) -> Self {
         let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; rays as usize];

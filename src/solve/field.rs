@@ -3,12 +3,13 @@
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
+use super::light::RowLight;
 use super::{Problem, Solution};
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
 use crate::links::receivers::Receivers;
-use crate::links::rows::{self, FIRST_MARK, LOST, Rows, SKY};
+use crate::links::rows::Rows;
 use crate::sites::SiteId;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
@@ -108,51 +109,34 @@ impl Field<'_> {
     }
 
     fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {
-        let mut out = Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: 0.0 };
-        for (&r, &w) in near.iter().zip(&fit.weights) {
-            let r = r as usize;
-            let turn = point.normal - self.problem.receivers.index.supports()[r].point.normal;
-            out.indirect += (self.solution.irradiance[r] + self.solution.gradient[r] * turn) * w;
-            out.sky_visibility += self.solution.sky_visibility[r] * w;
-            out.error += self.solution.surplus[r] * self.solution.surplus[r] * w.abs();
-        }
+        let indirect = fitted((self.problem.receivers, self.solution), point, near, fit);
+        let share = |(&r, w): (&u32, &f32)| self.solution.sky_visibility[r as usize] * w;
+        let sky_visibility = near.iter().zip(&fit.weights).map(share).sum::<f32>().clamp(0.0, 1.0);
         // Negative light tells that the fit extrapolates from others' shade: nobody speaks for this point.
-        out.error = if out.indirect.min_element() < 0.0 { f32::INFINITY } else { claim(out.error, fit) };
-        out.indirect = out.indirect.max(Rgb::ZERO);
-        out.sky_visibility = out.sky_visibility.clamp(0.0, 1.0);
-        out
+        let negative = indirect.min_element() < 0.0;
+        let error = if negative { f32::INFINITY } else { claim(self.solution, near, fit) };
+        Irradiance { direct, indirect: indirect.max(Rgb::ZERO), sky_visibility, error }
     }
 
     /// The point's own row, against the solved radiosities.
     fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
         let problem = &self.problem;
         let row = Rows::single(problem.around, point, key(point), self.params.rays);
-        let indirect = self.row_light(&row, point);
-        let sky_visibility = row.summaries[0].escaped as f32 / self.params.rays as f32;
-        Irradiance { direct, indirect, sky_visibility, error: 0.02 * mean_channel(indirect) }
+        let light = self.row_light(&row, point);
+        let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = light;
+        Irradiance { direct, indirect, sky_visibility, error }
     }
 
-    /// Irradiance through the (single) row of a point.
-    pub fn row_light(&self, row: &Rows, point: &SurfacePoint) -> Rgb {
-        let directions = rows::Directions::new(point.normal, row.keys[0], row.rays);
-        let lattice = rows::lattice(row.rays);
-        let (mut sum, mut live) = (Rgb::ZERO, 0);
-        for (at, &met) in lattice.iter().zip(row.row(0)) {
-            live += u32::from(met != LOST);
-            if met < FIRST_MARK {
-                sum += self.solution.radiosity[met as usize];
-            } else if met == SKY
-                && let Some(sky) = self.problem.sky
-            {
-                sum += sky.radiance(directions.at(*at)) * std::f32::consts::PI;
-            }
-        }
-        sum / live.max(1) as f32
+    /// What the (single) row of a point brings.
+    pub fn row_light(&self, row: &Rows, point: &SurfacePoint) -> RowLight {
+        self.problem.row_light((row, 0), point.normal, &self.solution.radiosity, &mut Vec::new())
     }
 }
 
-/// The standard error of a fit, from its receivers' mean square error by their weights.
-fn claim(square: f32, fit: &Fit) -> f32 {
+/// The standard error of a fit.
+fn claim(solution: &Solution, near: &[u32], fit: &Fit) -> f32 {
+    let part = |(&r, w): (&u32, &f32)| solution.surplus[r as usize].powi(2) * w.abs();
+    let square: f32 = near.iter().zip(&fit.weights).map(part).sum();
     // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
     let leverage = fit.leverage.min(MOST_LEVERAGE);
     square.sqrt() * (1.0 + leverage / (1.0 - leverage))
@@ -160,14 +144,9 @@ fn claim(square: f32, fit: &Fit) -> f32 {
 
 /// The standard error that interpolation claims at a point; infinite where too few receivers are near.
 pub fn claimed(receivers: &Receivers, solution: &Solution, point: &SurfacePoint, listed: &[u32]) -> f32 {
-    if listed.len() < FEWEST {
-        return f32::INFINITY;
-    }
     let near = &nearest(receivers, point, listed);
-    let Some(fit) = fit(receivers, point, near) else { return f32::INFINITY };
-    let square =
-        near.iter().zip(&fit.weights).map(|(&r, w)| solution.surplus[r as usize].powi(2) * w.abs()).sum();
-    claim(square, &fit)
+    let trusted = fit(receivers, point, near).filter(|_| listed.len() >= FEWEST);
+    trusted.map_or(f32::INFINITY, |fit| claim(solution, near, &fit))
 }
 
 /// The receivers of a list that are nearest to a point, at most [`mls::MOST`].
@@ -197,12 +176,22 @@ pub fn interpolate(
     near: &[u32],
 ) -> Option<Rgb> {
     let near = &nearest(receivers, point, near);
-    let weights = fit(receivers, point, near)?.weights;
+    let fit = fit(receivers, point, near)?;
+    Some(fitted((receivers, solution), point, near, &fit).max(Rgb::ZERO))
+}
+
+/// A fit's light, with the receivers' gradients; negative where it extrapolates too far.
+fn fitted(
+    (receivers, solution): (&Receivers, &Solution),
+    point: &SurfacePoint,
+    near: &[u32],
+    fit: &Fit,
+) -> Rgb {
     let value = |r: usize| {
         let turn = point.normal - receivers.index.supports()[r].point.normal;
         solution.irradiance[r] + solution.gradient[r] * turn
     };
-    Some(near.iter().zip(&weights).map(|(&r, &w)| value(r as usize) * w).sum::<Rgb>().max(Rgb::ZERO))
+    near.iter().zip(&fit.weights).map(|(&r, &w)| value(r as usize) * w).sum()
 }
 
 /// A point's key: its coordinates' bits, so that equal points get equal answers wherever they stand in a list.

@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use glam::Mat3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::{Problem, Solution};
 use crate::light::{Rgb, mean_channel};
-use crate::links::rows::{self, Directions, FIRST_MARK, LOST, SKY};
+use crate::links::rows::{self, Directions, FIRST_MARK, Rows, SKY};
 
 /// The light that a receiver's row brings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,40 +25,69 @@ pub struct RowLight {
 /// Rays flatter than this cosine count as this flat in gradients (1/cos would let a few rays rule).
 const FLATTEST: f32 = 0.4;
 
-/// The lattice's standard error over that of pairs of neighbouring rays taken for independent (docs/theory.md, lattice
-/// noise).
-const LATTICE_GAIN: f32 = 0.6;
+/// The lattice's standard error over that of pairs of neighbouring rays taken for independent: 0.35 to 0.50 was measured
+/// with 64 rays, 0.28 to 0.42 with 512 (docs/theory.md, rows).
+fn lattice_gain(rays: u32) -> f32 {
+    0.43 * (64.0 / rays as f32).powf(0.1)
+}
 
 impl Problem<'_> {
     /// The light of some receivers' rows, given the radiosity of the sites.
     pub fn row_lights(&self, receivers: Range<usize>, radiosity: &[Rgb]) -> Vec<RowLight> {
+        let supports = self.receivers.index.supports();
         receivers
             .into_par_iter()
             .with_min_len(16)
-            .map_init(Vec::new, |seen, r| self.row_light(r, radiosity, seen))
+            .map_init(Vec::new, |seen, r| {
+                self.row_light((&self.receivers.rows, r), supports[r].point.normal, radiosity, seen)
+            })
             .collect()
     }
 
-    fn row_light(&self, r: usize, radiosity: &[Rgb], seen: &mut Vec<Rgb>) -> RowLight {
+    /// What one ray brings, as the irradiance of a row that sees the same everywhere.
+    fn ray_light(&self, met: u32, direction: impl FnOnce() -> Vec3, radiosity: &[Rgb]) -> Rgb {
+        match met {
+            SKY => self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(direction()) * std::f32::consts::PI),
+            site if site < FIRST_MARK => radiosity[site as usize],
+            _ => Rgb::ZERO,
+        }
+    }
+
+    /// Irradiance at receivers straight from the sky.
+    pub(super) fn sky_light(&self) -> Vec<Rgb> {
         let rows = &self.receivers.rows;
-        let normal = self.receivers.index.supports()[r].point.normal;
+        if self.sky.is_none() {
+            return vec![Rgb::ZERO; rows.len()];
+        }
+        let lattice = rows::lattice(rows.rays);
+        (0..rows.len())
+            .into_par_iter()
+            .map(|r| {
+                let normal = self.receivers.index.supports()[r].point.normal;
+                let directions = Directions::new(normal, rows.keys[r], rows.rays);
+                let of_sky = |(at, &met): (&[f32; 2], &u32)| {
+                    (met == SKY).then(|| self.ray_light(SKY, || directions.at(*at), &[]))
+                };
+                lattice.iter().zip(rows.row(r)).filter_map(of_sky).sum::<Rgb>() / rows.live(r)
+            })
+            .collect()
+    }
+
+    /// The light of any row at a normal; `seen` is room to work in.
+    pub fn row_light(
+        &self,
+        (rows, r): (&Rows, usize),
+        normal: Vec3,
+        radiosity: &[Rgb],
+        seen: &mut Vec<Rgb>,
+    ) -> RowLight {
         let directions = Directions::new(normal, rows.keys[r], rows.rays);
         let lattice = rows::lattice(rows.rays);
+        let light = |(at, &met): (&[f32; 2], &u32)| self.ray_light(met, || directions.at(*at), radiosity);
         seen.clear();
-        let (mut sum, mut live) = (Rgb::ZERO, 0u32);
-        for (at, &met) in lattice.iter().zip(rows.row(r)) {
-            let light = match met {
-                SKY => {
-                    self.sky.map_or(Rgb::ZERO, |sky| sky.radiance(directions.at(*at)) * std::f32::consts::PI)
-                }
-                m if m < FIRST_MARK => radiosity[m as usize],
-                _ => Rgb::ZERO,
-            };
-            live += u32::from(met != LOST);
-            sum += light;
-            seen.push(light);
-        }
-        let irradiance = sum / live.max(1) as f32;
+        seen.extend(lattice.iter().zip(rows.row(r)).map(light));
+        let live = rows.live(r);
+        let irradiance = seen.iter().copied().sum::<Rgb>() / live;
         let mut gradient = Mat3::ZERO;
         for (at, light) in lattice.iter().zip(seen.iter()) {
             let direction = directions.at(*at);
@@ -74,7 +103,7 @@ impl Problem<'_> {
             irradiance,
             gradient: gradient * (1.0 / rows.rays as f32),
             sky_visibility: rows.summaries[r].escaped as f32 / rows.rays as f32,
-            noise: LATTICE_GAIN * square.sqrt() / live.max(1) as f32,
+            noise: lattice_gain(rows.rays) * square.sqrt() / live,
         }
     }
 }

@@ -6,7 +6,7 @@ pub mod light;
 pub mod surplus;
 pub mod transport;
 
-use glam::{Mat3, Vec3};
+use glam::Mat3;
 use rayon::prelude::*;
 
 pub use field::{Field, Irradiance};
@@ -16,7 +16,6 @@ use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps::Lamp;
 use crate::links::receivers::{Receivers, Spread};
-use crate::links::rows::{self, Directions, LOST, SKY};
 use crate::scene::Sky;
 use iterate::{IterateParams, IterateReport};
 use light::RowLight;
@@ -75,8 +74,7 @@ impl Problem<'_> {
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
         let mut solution = Solution { radiosity, ..Solution::default() };
-        let level = self.level(&irradiance_at_sites);
-        solution.level = level;
+        solution.level = self.level(&irradiance_at_sites);
         for (light, irradiance) in
             self.row_lights(0..self.receivers.len(), &solution.radiosity).into_iter().zip(irradiance)
         {
@@ -119,38 +117,5 @@ impl Problem<'_> {
             }
         }
         if weight > 0.0 { (sum / weight) as f32 } else { 0.0 }
-    }
-
-    /// Irradiance at receivers straight from the sky.
-    fn sky_light(&self) -> Vec<Rgb> {
-        let Some(sky) = self.sky else { return vec![Rgb::ZERO; self.receivers.len()] };
-        self.each_row(|sum: &mut Rgb, direction, met| {
-            if met == SKY {
-                *sum += sky.radiance(direction) * std::f32::consts::PI;
-            }
-        })
-    }
-
-    /// Sums over each row's rays, renormalised for lost ones.
-    fn each_row<T: Default + Send + std::ops::Div<f32, Output = T>>(
-        &self,
-        add: impl Fn(&mut T, Vec3, u32) + Sync,
-    ) -> Vec<T> {
-        let rows = &self.receivers.rows;
-        let lattice = rows::lattice(rows.rays);
-        (0..rows.len())
-            .into_par_iter()
-            .map(|r| {
-                let normal = self.receivers.index.supports()[r].point.normal;
-                let directions = Directions::new(normal, rows.keys[r], rows.rays);
-                let mut sum = T::default();
-                let mut live = 0;
-                for (at, &met) in lattice.iter().zip(rows.row(r)) {
-                    live += u32::from(met != LOST);
-                    add(&mut sum, directions.at(*at), met);
-                }
-                sum / live.max(1) as f32
-            })
-            .collect()
     }
 }
