@@ -12,7 +12,7 @@ class Axis:
     """Maps values of a range of powers of ten onto pixels."""
 
     def __init__(self, values, pixels):
-        self.low, self.high = min(values) / 1.25, max(values) * 1.25
+        self.low, self.high = min(values) / 1.6, max(values) * 1.4
         self.pixels = pixels
 
     def at(self, value):
@@ -37,8 +37,7 @@ class Panel:
         left, top, width, height = frame
         self.frame = frame
         self.x, self.y = Axis(xs, (left, left + width)), Axis(ys, (top + height, top))
-        self.under, self.over = [], []
-        self.title = title
+        self.title, self.over = title, []
 
     def spot(self, point):
         return self.x.at(point[0]), self.y.at(point[1])
@@ -52,9 +51,11 @@ class Panel:
     def marks(self, points, look, size=4.0):
         self.over += [marker(look[2], self.spot(point), size, look[0]) for point in points]
 
-    def label(self, point, text, colour=INK, shift=(7, -6)):
+    def label(self, point, text, colour=INK):
+        """A word below and to the left of a point, on a white seam: under curves that fall."""
         x, y = self.spot(point)
-        self.over.append(words((x + shift[0], y + shift[1]), text, 11, colour))
+        seam = 'paint-order="stroke" stroke="white" stroke-width="3" stroke-linejoin="round"'
+        self.over.append(words((x - 5, y + 14), text, 11, colour, "end").replace("<text", f"<text {seam}", 1))
 
     def svg(self, x_label, y_label, formats):
         """The axes with numbers by `formats`, and what was drawn, clipped to them."""
