@@ -65,7 +65,7 @@ def span_of(arguments, scene):
 
 
 def truth(arguments, cache, scene, points):
-    """Rows of the reference at the points; kept by scene and points, for they do not change with the bake."""
+    """Rows of the reference at the points; kept by program, scene and points, for the bake's options do not change them."""
     with tempfile.TemporaryDirectory() as scratch:
         table, out = pathlib.Path(scratch) / "points.csv", pathlib.Path(scratch) / "truth.csv"
         judge.write_points(table, [(position, normal) for _, position, normal in points])
