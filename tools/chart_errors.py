@@ -20,7 +20,7 @@ import sys
 import tempfile
 
 import judge
-from svg_plot import LOOKS, Panel, legend, page, percent, seconds, words
+from svg_plot import LOOKS, Panel, headline, legend, page, percent, seconds
 
 SCENES, TARGETS = "cornell,rooms,scan", "10,5,2,1,0.5"
 PANEL, MARGIN, GAP = (330, 300), 78, 84
@@ -119,7 +119,7 @@ def draw(charts, path):
     if not charts:
         return
     width = MARGIN + len(charts) * PANEL[0] + (len(charts) - 1) * GAP + 24
-    parts = [words((width / 2, 26), "Error against cost: glowtree, targets beside its marks, and its peers at the same points", 15, anchor="middle", bold=True)]
+    parts = [headline((width / 2, 26), "Error against cost: glowtree, targets beside its marks, and its peers at the same points", 15)]
     for k, (folder, rungs) in enumerate(charts):
         parts += panel(folder, rungs, MARGIN + k * (PANEL[0] + GAP))
     peers = list(dict.fromkeys(peer for folder, _ in charts for peer in judge.peer_curves(folder)))

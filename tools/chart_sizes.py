@@ -31,7 +31,7 @@ import tempfile
 from dataclasses import dataclass
 
 import judge
-from svg_plot import LOOKS, Panel, counted, legend, page, seconds, words
+from svg_plot import LOOKS, Panel, counted, headline, legend, page, seconds
 
 PANEL, MARGIN, GAP = (360, 320), 84, 96
 
@@ -150,7 +150,7 @@ def draw(arguments, rungs):
     shown = [one for one in series(rungs) if math.isfinite(one.fit[0]) and all(y > 0 for _, y in one.pairs)]
     width = MARGIN + len(shown) * PANEL[0] + (len(shown) - 1) * GAP + 24
     way = "copies side by side" if arguments.copies else "tighter and tighter targets"
-    parts = [words((width / 2, 26), f"{arguments.scene.parent.name}: cost against size, {way}", 15, anchor="middle", bold=True)]
+    parts = [headline((width / 2, 26), f"{arguments.scene.parent.name}: cost against size, {way}", 15)]
     for k, one in enumerate(shown):
         parts += panel(one, LOOKS[k], MARGIN + k * (PANEL[0] + GAP))
     parts += legend([("bakes, and the least-squares line through them", LOOKS[0])], (width / 2 - 160, 62 + PANEL[1] + 60), 0)

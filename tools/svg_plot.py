@@ -72,7 +72,7 @@ class Panel:
             if numbered:
                 out.append(words((left - 6, at + 4), formats[1](value), 11, INK, "end"))
         out.append(f'<rect x="{left}" y="{top}" width="{width}" height="{height}" fill="none" stroke="{INK}"/>')
-        out.append(words((left + width / 2, top - 9), self.title, 14, INK, "middle", True))
+        out.append(headline((left + width / 2, top - 9), self.title, 14))
         out.append(words((left + width / 2, top + height + 35), x_label, 12, INK, "middle"))
         turned = words((0, 0), y_label, 12, INK, "middle")
         out.append(f'<g transform="translate({left - 48} {top + height / 2}) rotate(-90)">{turned}</g>')
@@ -97,10 +97,14 @@ def rule(start, end, colour):
     return f'<line x1="{start[0]:.1f}" y1="{start[1]:.1f}" x2="{end[0]:.1f}" y2="{end[1]:.1f}" stroke="{colour}" stroke-width="0.8"/>'
 
 
-def words(spot, text, size, colour=INK, anchor="start", bold=False):
-    weight = ' font-weight="bold"' if bold else ""
-    head = f'<text x="{spot[0]:.1f}" y="{spot[1]:.1f}" font-size="{size}" fill="{colour}" text-anchor="{anchor}"{weight}>'
+def words(spot, text, size, colour=INK, anchor="start"):
+    head = f'<text x="{spot[0]:.1f}" y="{spot[1]:.1f}" font-size="{size}" fill="{colour}" text-anchor="{anchor}">'
     return f"{head}{html.escape(text)}</text>"
+
+
+def headline(spot, text, size):
+    """Bold, in the middle above `spot`."""
+    return f'<g font-weight="bold">{words(spot, text, size, INK, "middle")}</g>'
 
 
 def legend(entries, spot, step):
