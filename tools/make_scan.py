@@ -10,8 +10,9 @@ FOLDER gets object.ply (float x y z and the smooth normals nx ny nz), ground.ply
 The ball: an icosahedron split seven times, eight with --subdivide, its vertices moved along the radius by octaves of four plane
 waves each, frequencies 3, 6, 12 … 96 over the unit sphere, directions and phases by --seed. *Gentle*: sines whose slopes are
 alike in every octave and 0.6 together, root mean square. *Rough*: from frequency 12 on, 2.2 (1 − 2|sin|) in place of sin: creases
-of no width, twice as many, about four times as steep. Subdividing refines the sampling of the same function: the gentle shape
-stays, creases of the rough one become sharper.
+of no width, twice as many, about four times as steep, 2.3 together. Subdividing refines the sampling of the same function: the
+gentle shape stays, creases of the rough one become sharper. --slope gives the frequencies from 12 on what is missing to another
+slope of the gentle ball (of the rough one before it is made rough). The reference scene `scan` measures 1.65 in the same way.
 
 Coordinates are rounded to 1e-7 before they become floats, which hides the last bits of the platform's sine. Takes some 5 s,
 20 s subdivided. Python standard library only.
@@ -108,12 +109,14 @@ def split(vertices, faces):
     return finer
 
 
-def waves(seed):
+def waves(slope, seed):
     """[(frequency, amplitude, direction, phase)]. A wave a·sin(f d·p) has the mean square slope a² f²/3 on the sphere."""
     chance = random.Random(seed)
-    out = []
+    out, low = [], [f for f in OCTAVES if f < RIDGED_FROM]
+    even = SLOPE**2 / len(OCTAVES)
+    rest = (slope**2 - even * len(low)) / (len(OCTAVES) - len(low))
     for frequency in OCTAVES:
-        amplitude = SLOPE * math.sqrt(3 / (WAVES * len(OCTAVES))) / frequency
+        amplitude = math.sqrt((even if frequency in low else rest) * 3 / WAVES) / frequency
         for _ in range(WAVES):
             z, turn = 2 * chance.random() - 1, 2 * math.pi * chance.random()
             across = math.sqrt(1 - z * z)
@@ -122,10 +125,10 @@ def waves(seed):
     return out
 
 
-def displaced(vertices, rough, seed):
+def displaced(vertices, rough, waves):
     """The ball, its lowest vertex on z = 0."""
     sin, radii = math.sin, array("d", [1.0]) * len(vertices)
-    for frequency, amplitude, direction, phase in waves(seed):
+    for frequency, amplitude, direction, phase in waves:
         dx, dy, dz = (frequency * d for d in direction)
         if rough and frequency >= RIDGED_FROM:
             gain = RIDGED_GAIN * amplitude
@@ -174,17 +177,20 @@ def main():
     parser.add_argument("folder", type=pathlib.Path, metavar="FOLDER")
     parser.add_argument("--rough", action="store_true", help="knife edges below the triangles' size")
     parser.add_argument("--subdivide", action="store_true", help="four times the triangles")
+    parser.add_argument("--slope", type=float, default=SLOPE, help=f"of the gentle ball, at least 0.35 (default: {SLOPE})")
     parser.add_argument("--levels", type=int, default=7, help="splits of the icosahedron, for small tries (default: 7)")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     repository = pathlib.Path(__file__).resolve().parent.parent
     if arguments.folder.resolve().is_relative_to(repository):
         parser.error("FOLDER lies in the repository, which holds no scans")
+    if arguments.slope < 0.35:
+        parser.error("the two lowest octaves alone have a slope of 0.35")
     start = time.process_time()
     sphere, faces = icosphere(arguments.levels + arguments.subdivide)
-    vertices = displaced(sphere, arguments.rough, arguments.seed)
+    vertices = displaced(sphere, arguments.rough, waves(arguments.slope, arguments.seed))
     kind = "rough" if arguments.rough else "gentle"
-    about = f"A {kind} scan of {len(faces)} triangles on a ground plane, white sky and area lamp; tools/make_scan.py, seed {arguments.seed}"
+    about = f"A {kind} scan of {len(faces)} triangles on a ground plane, white sky and area lamp; tools/make_scan.py, seed {arguments.seed}, slope {arguments.slope}"
     square = [(0, 1, 2), (0, 2, 3)]
     ground = [(-20, -20, 0), (20, -20, 0), (20, 20, 0), (-20, 20, 0)]
     light = [(1.5, -2.5, 4), (1.5, -1.5, 4), (2.5, -1.5, 4), (2.5, -2.5, 4)]

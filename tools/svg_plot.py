@@ -54,8 +54,9 @@ class Panel:
     def label(self, point, text, colour=INK):
         """A word below and to the left of a point, on a white seam: under curves that fall."""
         x, y = self.spot(point)
-        seam = 'paint-order="stroke" stroke="white" stroke-width="3" stroke-linejoin="round"'
-        self.over.append(words((x - 5, y + 14), text, 11, colour, "end").replace("<text", f"<text {seam}", 1))
+        written = words((x - 5, y + 14), text, 11, colour, "end")
+        seam = 'stroke="white" stroke-width="3" stroke-linejoin="round"'
+        self.over += [written.replace("<text", f"<text {seam}", 1), written]
 
     def svg(self, x_label, y_label, formats):
         """The axes with numbers by `formats`, and what was drawn, clipped to them."""
