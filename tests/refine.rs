@@ -9,7 +9,6 @@ use glowtree::bake::model::Model;
 use glowtree::bake::pipeline::build;
 use glowtree::geometry::{SurfacePoint, hash};
 use glowtree::light::mean_channel;
-use glowtree::links::rows::Rows;
 use glowtree::scene::Scene;
 use glowtree::sites::SiteId;
 use shapes::part;
@@ -51,8 +50,7 @@ fn interpolation_error(model: &Model, points: &[(SurfacePoint, f64)]) -> f64 {
     let (mut square, mut mean, mut total) = (0.0, 0.0, 0.0);
     for (k, (point, area)) in points.iter().enumerate() {
         let got = field.evaluate(std::slice::from_ref(point))[0];
-        let row = Rows::single(model.around(), point, hash::mix2(41, k as u64), 1024);
-        let want = mean_channel(field.row_light(&row, point).irradiance);
+        let want = mean_channel(field.gather_row.irradiance);
         square += area * f64::from(mean_channel(got.indirect) - want).powi(2);
         mean += area * f64::from(want);
         total += area;
@@ -89,8 +87,7 @@ fn rows_know_their_noise() {
             let point = model.receivers.index.supports()[r].point;
             let lights: Vec<(f64, f64)> = (0..12)
                 .map(|key| {
-                    let row = Rows::single(model.around(), &point, hash::mix2(key, k), rays);
-                    let light = field.row_light(&row, &point);
+                    let (light, _) = field.gather_row(&point, hash::mix2(key, k), rays);
                     (f64::from(mean_channel(light.irradiance)), f64::from(light.noise))
                 })
                 .collect();

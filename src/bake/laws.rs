@@ -29,12 +29,14 @@ pub struct Plan {
     pub doubt: f32,
     /// Relative RMS error that interpolation between receivers may make.
     pub interpolation: f64,
-    /// Claimed error, relative to the mean irradiance, from which a site gets a row of its own.
-    pub site_doubt: f32,
+    /// Claimed relative RMS error of the sites above which some get rows of their own.
+    pub site_error: f64,
     /// Rounds of giving sites rows at the most.
     pub own_passes: usize,
     /// Rounds of splitting receivers at the most.
     pub passes: usize,
+    /// Relative RMS error above which more points are asked.
+    pub target: f64,
     /// Points that judge the result.
     pub judges: usize,
 }
@@ -67,10 +69,11 @@ impl Plan {
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
             interpolation: 0.5 * error,
-            site_doubt: (15.0 * error) as f32,
+            site_error: 6.0 * error,
             own_passes: 2,
-            passes: 8,
-            judges: 400,
+            passes: 3,
+            target: error,
+            judges: 500,
         }
     }
 

@@ -99,6 +99,13 @@ impl RawRows {
         self.keys.extend_from_slice(keys);
     }
 
+    /// A single row, shot on this thread alone.
+    pub fn single((scene, bvh): (&Scene, &Bvh), point: &SurfacePoint, key: u64, rays: u32) -> Self {
+        let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; rays as usize];
+        let summary = shoot((scene, bvh), &lattice(rays), (point, key), &mut hits);
+        Self { rays, keys: vec![key], hits, summaries: vec![summary] }
+    }
+
     /// Adds one row of others.
     pub fn push(&mut self, others: &Self, row: usize) {
         let n = self.rays as usize;
@@ -109,7 +116,7 @@ impl RawRows {
 
     /// Asks for every hit who speaks for the surface there.
     pub fn resolve(self, around: Surroundings<'_>) -> Rows {
-        let met = self.hits.par_iter().with_min_len(256).map(|hit| hit.met(around)).collect();
+        let met = self.hits.par_iter().with_min_len(1024).map(|hit| hit.met(around)).collect();
         Rows { rays: self.rays, keys: self.keys, met, summaries: self.summaries }
     }
 }
@@ -118,6 +125,11 @@ impl RawHit {
     /// The triangle and whether its back was met, if a surface was.
     pub fn side(&self) -> Option<(u32, bool)> {
         (self.side < FIRST_MARK).then_some((self.side >> 1, self.side & 1 == 1))
+    }
+
+    /// Where a surface was met: triangle, barycentric (u, v), whether from behind.
+    pub fn place(&self) -> Option<(u32, [f32; 2], bool)> {
+        self.side().map(|(triangle, back)| (triangle, [self.u, self.v], back))
     }
 
     fn met(&self, around: Surroundings<'_>) -> u32 {
@@ -166,22 +178,27 @@ impl Rows {
         &self.met[receiver * n..(receiver + 1) * n]
     }
 
+    /// A single row, shot on this thread alone.
+    pub fn single(around: Surroundings<'_>, point: &SurfacePoint, key: u64, rays: u32) -> Self {
+        RawRows::single((around.scene, around.bvh), point, key, rays).resolve(around)
+    }
+
     /// How many of a row's rays were not lost, at least one: what the row is divided by.
     pub fn live(&self, receiver: usize) -> f32 {
         self.row(receiver).iter().filter(|&&met| met != LOST).count().max(1) as f32
     }
-
-    /// A single row, shot on this thread alone.
-    pub fn single(around: Surroundings<'_>, point: &SurfacePoint, key: u64, rays: u32) -> Self {
-        let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; rays as usize];
-        let summary = shoot((around.scene, around.bvh), &lattice(rays), (point, key), &mut hits);
-        let met = hits.iter().map(|hit| hit.met(around)).collect();
-        Self { rays, keys: vec![key], met, summaries: vec![summary] }
-    }
 }
 
-/// Points of the unit square, shared.
-pub type Lattice = std::sync::Arc<[[f32; 2]]>;
+/// A lattice point in polar coordinates: the square of its radius on the unit disc, its angle's cosine and sine.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LatticePoint {
+    square: f32,
+    cos: f32,
+    sin: f32,
+}
+
+/// Points of the unit disc, shared.
+pub type Lattice = std::sync::Arc<[LatticePoint]>;
 
 /// The canonical lattice in the order rows are stored: along a curve, so that neighbouring rays meet neighbours.
 pub fn lattice(rays: u32) -> Lattice {
@@ -195,7 +212,11 @@ pub fn lattice(rays: u32) -> Lattice {
         let w = hemisphere::cosine_hemisphere(*p);
         crate::geometry::morton::code(Vec3::new(w.x, w.y, 0.0), Vec3::new(-1.0, -1.0, 0.0), 1.0 / 128.0)
     });
-    let made: Lattice = points.into();
+    let polar = |[u, v]: [f32; 2]| {
+        let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
+        LatticePoint { square: u, cos, sin }
+    };
+    let made: Lattice = points.into_iter().map(polar).collect();
     known.push(made.clone());
     made
 }
@@ -206,27 +227,32 @@ pub struct Directions {
     tangent: Vec3,
     bitangent: Vec3,
     normal: Vec3,
-    shift: [f32; 2],
+    shift: f32,
 }
 
 impl Directions {
     /// Of the row with this key at this normal; `rays` is the row's length.
     pub fn new(normal: Vec3, key: u64, rays: u32) -> Self {
-        let (tangent, bitangent) = tangent_frame(normal);
+        let (s, t) = tangent_frame(normal);
         let [a, b] = hash::unit_pair(key, 0);
-        Self { tangent, bitangent, normal, shift: [a / rays as f32, b] }
+        // A shift of the angle is a turn of the frame.
+        let (sin, cos) = (std::f32::consts::TAU * b).sin_cos();
+        let (tangent, bitangent) = (s * cos + t * sin, t * cos - s * sin);
+        Self { tangent, bitangent, normal, shift: a / rays as f32 }
     }
 
     /// The world direction of a lattice point.
-    pub fn at(&self, [u, v]: [f32; 2]) -> Vec3 {
-        let w = hemisphere::cosine_hemisphere([u + self.shift[0], v + self.shift[1]]);
-        self.tangent * w.x + self.bitangent * w.y + self.normal * w.z
+    #[inline]
+    pub fn at(&self, at: LatticePoint) -> Vec3 {
+        let square = at.square + self.shift;
+        let around = self.tangent * at.cos + self.bitangent * at.sin;
+        around * square.sqrt() + self.normal * (1.0 - square).max(0.0).sqrt()
     }
 }
 
 fn shoot(
     (scene, bvh): (&Scene, &Bvh),
-    lattice: &[[f32; 2]],
+    lattice: &[LatticePoint],
     (point, key): (&SurfacePoint, u64),
     out: &mut [RawHit],
 ) -> RowSummary {

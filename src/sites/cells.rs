@@ -17,7 +17,7 @@ use crate::scene::Scene;
 /// Edge of a cell in spacings. Larger cells blur the borders between sites, smaller ones cost memory by the square.
 const CELL_SPACINGS: f32 = 1.0;
 
-/// Nearest sites tried for visibility before a cell is left without one.
+/// Nearest sites tried for visibility before the nearest is taken unseen.
 const TRIES: usize = 8;
 
 /// Quarterings within one slot at the most.
@@ -46,7 +46,7 @@ pub enum Said {
     Site(SiteId),
     /// Nothing reflects here.
     Dead,
-    /// No site that is near is visible from here.
+    /// No site is near.
     Nobody,
 }
 
@@ -172,7 +172,8 @@ fn depth(scene: &Scene, id: u32, plot: &Plot) -> u32 {
 }
 
 impl Ground<'_> {
-    /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean.
+    /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean, if there
+    /// is one.
     pub fn represent(&self, point: &SurfacePoint) -> Option<SiteId> {
         let site = self.sites.nearest(point)?;
         if self.graph.unclean(site) { self.nearest_visible(point) } else { Some(site) }
@@ -183,8 +184,12 @@ impl Ground<'_> {
         self.sites.visit_matching(point, |site, value| near.push((value, site)));
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         near.truncate(TRIES);
+        // Seen from nowhere, as in the clefts of a scan, a bit of surface still is most like the surface next to it: lost
+        // rays would be replaced by the mean of the others, sky included.
+        let next = near.first().map(|n| n.1);
         near.into_iter()
             .map(|n| n.1)
             .find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))
+            .or(next)
     }
 }

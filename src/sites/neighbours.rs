@@ -1,5 +1,6 @@
 //! Which sites are near and see each other, and which sites have something in between.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::{SiteId, Sites};
@@ -45,14 +46,22 @@ pub struct NeighbourReport {
     pub elapsed_seconds: f64,
 }
 
-/// Whether two surface points see each other, both lifted along their own normals by a share of their distance, at most
-/// `limit`: small bumps between them do not count as walls, sheets that lie close to each other do.
+/// Whether two surface points see each other: straight, or both lifted along their own normals by a share of their distance,
+/// at most `limit`. Small bumps between them do not count as walls, sheets that lie close to each other do, and nobody is
+/// lifted through a surface.
 pub fn mutually_visible(a: SurfacePoint, b: SurfacePoint, limit: f32, bvh: &Bvh) -> bool {
-    let distance = a.position.distance(b.position);
-    let lift = (LINK_LIFT * distance).min(limit).max(LIFT);
-    let (from, to) = (a.position + a.normal * lift, b.position + b.normal * lift);
+    let ends = |lift: f32| [a.position + a.normal * lift, b.position + b.normal * lift];
+    let [from, to] = ends(LIFT);
     // Ends that coincide but for rounding have nothing between them.
-    from.distance_squared(to) <= LIFT * LIFT || !bvh.occluded(&Ray::between(from, to))
+    let clear = |from: Vec3, to: Vec3| {
+        from.distance_squared(to) <= LIFT * LIFT || !bvh.occluded(&Ray::between(from, to))
+    };
+    if clear(from, to) {
+        return true;
+    }
+    let lift = (LINK_LIFT * a.position.distance(b.position)).min(limit);
+    let [above, there] = ends(lift);
+    lift > LIFT && clear(above, there) && clear(from, above) && clear(to, there)
 }
 
 impl Neighbours {

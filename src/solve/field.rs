@@ -9,7 +9,6 @@ use crate::geometry::{SurfacePoint, hash};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
 use crate::links::receivers::Receivers;
-use crate::links::rows::Rows;
 use crate::sites::SiteId;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
@@ -45,6 +44,10 @@ pub struct FieldParams {
     /// The disagreement, relative to the solution's level, from which a point gathers for itself.
     pub doubt: f32,
 }
+
+/// Interpolation between receivers errs by this much of what leaving one out does: a point is nearer to them than they
+/// are to each other.
+pub const BETWEEN: f32 = 0.4;
 
 /// Fits of fewer receivers than this are not trusted.
 pub const FEWEST: usize = 3;
@@ -120,26 +123,22 @@ impl Field<'_> {
 
     /// The point's own row, against the solved radiosities.
     fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
-        let problem = &self.problem;
-        let row = Rows::single(problem.around, point, key(point), self.params.rays);
-        let light = self.row_light(&row, point);
+        let (light, _) = self.gather_row(point, key(point), self.params.rays);
         let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = light;
         Irradiance { direct, indirect, sky_visibility, error }
     }
-
-    /// What the (single) row of a point brings.
-    pub fn row_light(&self, row: &Rows, point: &SurfacePoint) -> RowLight {
-        self.problem.row_light((row, 0), point.normal, &self.solution.radiosity, &mut Vec::new())
-    }
 }
 
-/// The standard error of a fit.
+/// The standard error of a fit: what leaving receivers out misses, and the noise of their rows.
 fn claim(solution: &Solution, near: &[u32], fit: &Fit) -> f32 {
-    let part = |(&r, w): (&u32, &f32)| solution.surplus[r as usize].powi(2) * w.abs();
-    let square: f32 = near.iter().zip(&fit.weights).map(part).sum();
+    let (mut bias, mut noise) = (0.0, 0.0);
+    for (&r, w) in near.iter().zip(&fit.weights) {
+        bias += (BETWEEN * solution.surplus[r as usize]).powi(2) * w.abs();
+        noise += (solution.noise[r as usize] * w).powi(2);
+    }
     // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
     let leverage = fit.leverage.min(MOST_LEVERAGE);
-    square.sqrt() * (1.0 + leverage / (1.0 - leverage))
+    (bias + noise).sqrt() * (1.0 + leverage / (1.0 - leverage))
 }
 
 /// The standard error that interpolation claims at a point; infinite where too few receivers are near.

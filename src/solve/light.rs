@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{Problem, Solution};
 use crate::light::{Rgb, mean_channel};
-use crate::links::rows::{self, Directions, FIRST_MARK, Rows, SKY};
+use crate::links::rows::{self, Directions, FIRST_MARK, LatticePoint, Rows, SKY};
 
 /// The light that a receiver's row brings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -65,7 +65,7 @@ impl Problem<'_> {
             .map(|r| {
                 let normal = self.receivers.index.supports()[r].point.normal;
                 let directions = Directions::new(normal, rows.keys[r], rows.rays);
-                let of_sky = |(at, &met): (&[f32; 2], &u32)| {
+                let of_sky = |(at, &met): (&LatticePoint, &u32)| {
                     (met == SKY).then(|| self.ray_light(SKY, || directions.at(*at), &[]))
                 };
                 lattice.iter().zip(rows.row(r)).filter_map(of_sky).sum::<Rgb>() / rows.live(r)
@@ -81,15 +81,35 @@ impl Problem<'_> {
         radiosity: &[Rgb],
         seen: &mut Vec<Rgb>,
     ) -> RowLight {
+        self.look((rows, r), normal, radiosity, seen);
+        RowLight::new((rows, r), normal, seen)
+    }
+
+    /// What every ray of a row brings, in lattice order.
+    pub(super) fn look(
+        &self,
+        (rows, r): (&Rows, usize),
+        normal: Vec3,
+        radiosity: &[Rgb],
+        seen: &mut Vec<Rgb>,
+    ) {
         let directions = Directions::new(normal, rows.keys[r], rows.rays);
         let lattice = rows::lattice(rows.rays);
-        let light = |(at, &met): (&[f32; 2], &u32)| self.ray_light(met, || directions.at(*at), radiosity);
+        let light = |(at, &met): (&LatticePoint, &u32)| self.ray_light(met, || directions.at(*at), radiosity);
         seen.clear();
         seen.extend(lattice.iter().zip(rows.row(r)).map(light));
+    }
+}
+
+impl RowLight {
+    /// Sums up what a row's rays bring.
+    pub(super) fn new((rows, r): (&Rows, usize), normal: Vec3, seen: &[Rgb]) -> Self {
+        let directions = Directions::new(normal, rows.keys[r], rows.rays);
+        let lattice = rows::lattice(rows.rays);
         let live = rows.live(r);
         let irradiance = seen.iter().copied().sum::<Rgb>() / live;
         let mut gradient = Mat3::ZERO;
-        for (at, light) in lattice.iter().zip(seen.iter()) {
+        for (at, light) in lattice.iter().zip(seen) {
             let direction = directions.at(*at);
             // Levers average to nothing, but for the lattice's noise: uniform light must not turn.
             let b = *light - irradiance;
@@ -99,7 +119,7 @@ impl Problem<'_> {
         }
         let apart = |pair: &[Rgb]| mean_channel(pair[0] - pair[1]).powi(2);
         let square: f32 = seen.chunks_exact(2).map(apart).sum();
-        RowLight {
+        Self {
             irradiance,
             gradient: gradient * (1.0 / rows.rays as f32),
             sky_visibility: rows.summaries[r].escaped as f32 / rows.rays as f32,

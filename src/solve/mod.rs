@@ -1,6 +1,7 @@
 //! The solution of B = E + ρRB and its evaluation at any point.
 
 pub mod field;
+mod gather;
 pub mod iterate;
 pub mod light;
 pub mod surplus;

@@ -5,6 +5,7 @@
 
 use rayon::prelude::*;
 
+use super::field::BETWEEN;
 use super::{Problem, Solution, field};
 use crate::light::mean_channel;
 use crate::sites::SiteId;
@@ -20,10 +21,6 @@ const AVERAGED: usize = 8;
 
 /// Variance of a surplus that is all noise, over that of a row: the row's own and the fit's.
 const NOISE_SHARE: f32 = 1.4;
-
-/// Interpolation between receivers errs by this much of what leaving one out does: a point is nearer to them than they
-/// are to each other.
-const BETWEEN: f32 = 0.4;
 
 impl Problem<'_> {
     /// Leave-one-out: how far each receiver's own row is from what its neighbours would have said.
@@ -70,18 +67,31 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The lit sites whose interpolation claims a larger error than this, W·m⁻².
-    pub fn doubtful_sites(&self, solution: &Solution, limit: f32) -> Vec<u32> {
-        (0..self.around.sites.len())
+    /// The sites whose own rows would bring the error of sites below `limit`, a relative RMS error weighed by how much
+    /// surfaces exchange light there: those that claim the most, as few as it takes.
+    pub fn doubtful_sites(&self, solution: &Solution, limit: f64) -> Vec<u32> {
+        let exchange = self.exchange();
+        let mut stakes: Vec<(f64, u32)> = (0..self.around.sites.len())
             .into_par_iter()
             .with_min_len(64)
-            .filter(|&site| {
+            .map(|site| {
                 let point = self.around.sites.point(SiteId(site as u32));
                 let near = self.spread.receivers_of(site);
-                field::claimed(self.receivers, solution, &point, near) > limit
+                let claimed = field::claimed(self.receivers, solution, &point, near).min(solution.level);
+                (exchange[site] * f64::from(claimed).powi(2), site as u32)
             })
-            .map(|site| site as u32)
-            .collect()
+            .collect();
+        let allowed = (limit * f64::from(solution.level)).powi(2) * exchange.iter().sum::<f64>();
+        let mut left: f64 = stakes.iter().map(|s| s.0).sum();
+        stakes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let above = |stake: &&(f64, u32)| {
+            let ask = left > allowed;
+            left -= stake.0;
+            ask
+        };
+        let mut chosen: Vec<u32> = stakes.iter().take_while(above).map(|s| s.1).collect();
+        chosen.sort_unstable();
+        chosen
     }
 
     /// Per receiver the area that it speaks for, by how much sites make of it.

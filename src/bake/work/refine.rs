@@ -40,11 +40,11 @@ pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result
         let seed = plan.receivers.rows.seed ^ 0x511;
         extend(work, |around, receivers| refine::split(around, receivers, &chosen, seed));
     }
-    // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own.
+    // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own. What is wrong with
+    // single sites mostly averages out over a row.
     for _ in 0..plan.own_passes {
         monitor.check()?;
-        let limit = plan.site_doubt * work.solution.level;
-        let chosen = work.problem().doubtful_sites(&work.solution, limit);
+        let chosen = work.problem().doubtful_sites(&work.solution, plan.site_error);
         if chosen.is_empty() {
             break;
         }
