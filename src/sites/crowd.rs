@@ -61,6 +61,7 @@ impl Crowd {
                 }
                 self.count += 1;
             }
+            self.count <= MOST
         });
         if self.count > MOST {
             self.margin = 0.0;
