@@ -135,22 +135,17 @@ impl Cells {
         if slot.depth == DEAD {
             return Said::Dead;
         }
-        let mut cell = 0;
-        for _ in 0..slot.depth {
-            let (part, within) = quarter(at);
-            (cell, at) = (cell << 2 | part, within);
-        }
+        let (cell, centre) = cell_of(at, slot.depth);
         let index = slot.first as usize + cell as usize;
         let stored = match self.table[index].load(Ordering::Relaxed) {
-            UNFILLED => self.fill(index, (hit.triangle, path << (2 * slot.depth) | cell, back), ground),
+            UNFILLED => self.fill(index, (hit.triangle, unfold(path, centre), back), ground),
             stored => stored,
         };
         if stored == NO_SITE { Said::Nobody } else { Said::Site(SiteId(stored - 1)) }
     }
 
     #[cold]
-    fn fill(&self, index: usize, (id, path, back): (u32, u64, bool), ground: Ground<'_>) -> u32 {
-        let [u, v] = unfold(path, [1.0 / 3.0, 1.0 / 3.0]);
+    fn fill(&self, index: usize, (id, [u, v], back): (u32, [f32; 2], bool), ground: Ground<'_>) -> u32 {
         let centre = SurfacePoint {
             position: triangle::point(ground.scene.corners(id), u, v),
             normal: side_normal(ground.scene, id, back),
@@ -171,20 +166,80 @@ fn depth(scene: &Scene, id: u32, plot: &Plot) -> u32 {
     if cells <= 1.0 { 0 } else { (cells.log2().ceil() as u32).min(FINEST) }
 }
 
+/// Which of the 4^depth cells of a triangle holds barycentric (u, v), and the barycentric centre of the cell.
+///
+/// The cells are those of `depth` quarterings, row after row: row j holds 2 (n − j) − 1 of n = 2^depth. No branch depends
+/// on where the ray met, as the steps of [`quarter`] do.
+#[inline]
+fn cell_of([u, v]: [f32; 2], depth: u32) -> (u32, [f32; 2]) {
+    let n = 1u32 << depth;
+    let (x, y) = (u * n as f32, v * n as f32);
+    // Casts saturate: rounding may put a hit just outside of its triangle.
+    let j = (y as u32).min(n - 1);
+    let i = (x as u32).min(n - 1 - j);
+    let turned = (x - i as f32) + (y - j as f32) >= 1.0 && i + j + 1 < n;
+    let third = if turned { 2.0 / 3.0 } else { 1.0 / 3.0 };
+    let inverse = 1.0 / n as f32;
+    let cell = j * (2 * n - j) + 2 * i + u32::from(turned);
+    (cell, [(i as f32 + third) * inverse, (j as f32 + third) * inverse])
+}
+
 impl Ground<'_> {
     /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean.
     pub fn represent(&self, point: &SurfacePoint) -> Option<SiteId> {
         let site = self.sites.nearest(point)?;
-        if self.graph.unclean(site) { self.nearest_visible(point) } else { Some(site) }
+        // Next to walls, too, the nearest is mostly seen; only where it is not, the others are gathered.
+        if !self.graph.unclean(site) || self.sees(point, site) {
+            Some(site)
+        } else {
+            self.next_visible(point)
+        }
     }
 
-    fn nearest_visible(&self, point: &SurfacePoint) -> Option<SiteId> {
+    fn sees(&self, point: &SurfacePoint, site: SiteId) -> bool {
+        mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh)
+    }
+
+    /// The nearest visible site but for the very nearest.
+    #[cold]
+    fn next_visible(&self, point: &SurfacePoint) -> Option<SiteId> {
         let mut near: Vec<(f32, SiteId)> = vec![];
         self.sites.visit_matching(point, |site, value| near.push((value, site)));
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near.truncate(TRIES);
-        near.into_iter()
-            .map(|n| n.1)
-            .find(|&site| mutually_visible(*point, self.sites.point(site), f32::INFINITY, self.bvh))
+        near.into_iter().take(TRIES).skip(1).map(|n| n.1).find(|&site| self.sees(point, site))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::hash;
+
+    #[test]
+    fn cells_are_numbered_once_and_hold_their_centres() {
+        for depth in 0..6 {
+            let mut seen = vec![false; 1 << (2 * depth)];
+            for i in 0..50 << (2 * depth) {
+                let (u, v) = triangle::uniform_barycentric(hash::unit_pair(7, i));
+                let (cell, centre) = cell_of([u, v], depth);
+                seen[cell as usize] = true;
+                assert_eq!(cell_of(centre, depth), (cell, centre), "depth {depth}, cell {cell}");
+                // The centre of the same quarter of a quarter ...: the paths agree.
+                let path = |mut at: [f32; 2]| {
+                    let step = |_| {
+                        let (part, within) = quarter(at);
+                        at = within;
+                        part
+                    };
+                    (0..depth).map(step).collect::<Vec<_>>()
+                };
+                assert_eq!(path([u, v]), path(centre), "depth {depth}, cell {cell}");
+            }
+            // Fifty points a cell leave none out but with a chance of e^-50 each.
+            assert!(seen.iter().all(|&s| s), "depth {depth}");
+        }
+        for outside in [[-1e-7, 0.5], [1.000_001, 0.0], [0.6, 0.400_001], [0.0, 1.5]] {
+            assert!(cell_of(outside, 3).0 < 64, "{outside:?}");
+        }
     }
 }
