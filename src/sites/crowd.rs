@@ -51,11 +51,13 @@ impl Crowd {
         self.margin = MARGIN * plot.spacing;
         let low = points.iter().map(|p| p.position).fold(Vec3::INFINITY, Vec3::min) - self.margin;
         let high = points.iter().map(|p| p.position).fold(Vec3::NEG_INFINITY, Vec3::max) + self.margin;
+        let (axis, sine) = cone(points);
         self.count = 0;
         sites.near.within_box(low, high, |near| {
             let p = near.position;
             let inside = (p.x >= low.x) & (p.y >= low.y) & (p.z >= low.z);
-            if inside & (p.x <= high.x) & (p.y <= high.y) & (p.z <= high.z) {
+            let turned = near.normal.dot(axis) < sine;
+            if inside & (p.x <= high.x) & (p.y <= high.y) & (p.z <= high.z) & !turned {
                 if self.count < MOST {
                     self.set(self.count, near);
                 }
@@ -129,4 +131,13 @@ impl Crowd {
         }
         out
     }
+}
+
+/// The axis of a cone about the points' normals, and a cosine with it below which no normal matches any of them.
+fn cone(points: &[SurfacePoint]) -> (Vec3, f32) {
+    let axis = points.iter().map(|p| p.normal).sum::<Vec3>().normalize_or_zero();
+    let cosine = points.iter().map(|p| p.normal.dot(axis)).fold(1.0, f32::min);
+    // A thousandth makes up for rounding: near the axis, cosines hold no angles below 3e-4.
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt() + 1e-3;
+    (axis, if cosine > 0.0 { -sine } else { -2.0 })
 }
