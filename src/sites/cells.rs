@@ -27,7 +27,7 @@ const TRIES: usize = 8;
 const FINEST: u32 = 12;
 
 const UNFILLED: u32 = 0;
-/// From here on cells hold the nearest site, which is unclean, and not yet whether it is visible.
+/// From here on cells hold the nearest site + 1, which is unclean, and not yet whether it is visible; here, no site yet.
 const UNSURE: u32 = 1 << 31;
 const NO_SITE: u32 = UNSURE - 1;
 
@@ -83,8 +83,12 @@ impl Cells {
     /// bytes a side that reflects, and 4 bytes a cell, about 8 cells a site or one a triangle.
     pub fn new(surface: &Surface<'_>, plots: &[Plot]) -> Self {
         let triangles = surface.scene().triangles.len();
-        let mut cells =
-            Self { slots: vec![NOTHING; 2 * triangles], triangles: triangles as u32, table: vec![], plots: Plots::default() };
+        let mut cells = Self {
+            slots: vec![NOTHING; 2 * triangles],
+            triangles: triangles as u32,
+            table: vec![],
+            plots: Plots::default(),
+        };
         let mut end = 0u64;
         for plot in plots.iter().filter(|p| p.spacing > 0.0) {
             cells.plots.push(plot, surface.triangles(&plot.piece), end as u32);
@@ -167,8 +171,8 @@ impl Cells {
             position: triangle::point(ground.scene.corners(id), u, v),
             normal: side_normal(ground.scene, id, back),
         };
-        let site = match stored.checked_sub(UNSURE) {
-            Some(site) => ground.visible(&centre, SiteId(site - 1)),
+        let site = match stored.checked_sub(UNSURE + 1) {
+            Some(nearest) => ground.visible(&centre, SiteId(nearest)),
             None => ground.represent(&centre),
         };
         let stored = site.map_or(NO_SITE, |s| s.0 + 1);
@@ -182,12 +186,14 @@ impl Cells {
         let (plot, points) = self.plots.centres(ground.scene, number);
         let mut crowd = Crowd::default();
         crowd.gather(ground.sites, plot, &points);
+        let crowded = crowd.overflows();
+        let mut nearest = |point| match crowd.nearest(ground.sites, point) {
+            None => NO_SITE,
+            Some(site) if ground.graph.unclean(site) => UNSURE + site.0 + 1,
+            Some(site) => site.0 + 1,
+        };
         for (cell, point) in self.table[cells].iter().zip(&points) {
-            let stored = match crowd.nearest(ground.sites, point) {
-                None => NO_SITE,
-                Some(site) if ground.graph.unclean(site) => UNSURE + site.0 + 1,
-                Some(site) => site.0 + 1,
-            };
+            let stored = if crowded { UNSURE } else { nearest(point) };
             // Others may have been here meanwhile, and know more.
             let _ = cell.compare_exchange(UNFILLED, stored, Ordering::Relaxed, Ordering::Relaxed);
         }
@@ -226,7 +232,8 @@ fn cell_of([u, v]: [f32; 2], depth: u32) -> (u32, [f32; 2]) {
 pub(super) fn centres(depth: u32) -> impl Iterator<Item = [f32; 2]> {
     let n = 1u32 << depth;
     let inverse = 1.0 / n as f32;
-    let centre = move |i: u32, j: u32, third: f32| [(i as f32 + third) * inverse, (j as f32 + third) * inverse];
+    let centre =
+        move |i: u32, j: u32, third: f32| [(i as f32 + third) * inverse, (j as f32 + third) * inverse];
     (0..n).flat_map(move |j| {
         // Every other cell of a row is turned.
         (0..2 * (n - j) - 1).map(move |k| centre(k / 2, j, if k % 2 == 1 { 2.0 / 3.0 } else { 1.0 / 3.0 }))

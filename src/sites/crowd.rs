@@ -9,7 +9,7 @@ use crate::geometry::SurfacePoint;
 const LANES: usize = 8;
 
 /// Plots with more sites around are long and thin, or crumpled; their points are looked up one by one.
-const MOST: usize = 128;
+const MOST: usize = 256;
 
 /// A point's nearest site is within this many spacings of its plot, or looked for farther away.
 const MARGIN: f32 = 1.1;
@@ -82,6 +82,11 @@ impl Crowd {
         }
         self.square[group][lane] = near.spacing * near.spacing;
         self.ids[group][lane] = near.id;
+    }
+
+    /// Whether there are more sites around than can be compared with every point.
+    pub(super) fn overflows(&self) -> bool {
+        self.count > MOST
     }
 
     /// What [`Sites::nearest`] says of a point of the plot.
