@@ -73,13 +73,17 @@ impl<T: Copy> Bricks<T> {
         }
     }
 
-    /// Calls `visit` with every point in a box, and with some that are not.
-    #[inline]
-    pub fn within_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(&T)) {
+    /// Calls `visit` with every point in a box, and with some that are not, until it says no more.
+    pub fn within_box(&self, low: Vec3, high: Vec3, mut visit: impl FnMut(&T) -> bool) {
+        let mut more = true;
         for grid in &self.grids {
-            grid.runs(grid.cell(low), grid.cell(high), |first, last| {
-                self.entries[first..last].iter().for_each(&mut visit);
+            grid.bricks_within((grid.cell(low), grid.cell(high)), |first, last| {
+                more = more && self.entries[first..last].iter().all(&mut visit);
+                more
             });
+            if !more {
+                return;
+            }
         }
     }
 
@@ -222,6 +226,34 @@ impl Grid {
                     let brick = self.slots[self.slot([x, y, z])];
                     if brick.mask != 0 {
                         self.rows(&brick, low, high, &mut visit);
+                    }
+                }
+            }
+        }
+    }
+
+    /// As [`Grid::runs`] for large boxes, until `visit` says no more: where the box has more bricks than the grid, the
+    /// grid's are asked whether they are in it, in no particular order.
+    fn bricks_within(&self, (low, high): ([i32; 3], [i32; 3]), mut visit: impl FnMut(usize, usize) -> bool) {
+        let span = |k: usize| i64::from(high[k] >> BITS) - i64::from(low[k] >> BITS) + 1;
+        let bricks = span(0).saturating_mul(span(1)).saturating_mul(span(2));
+        let mut more = true;
+        let mut rows = |brick: &Brick| {
+            self.rows(brick, low, high, &mut |first, last| more = more && visit(first, last));
+            more
+        };
+        let range = |k: usize| low[k] >> BITS..=high[k] >> BITS;
+        if bricks > self.slots.len() as i64 {
+            let inside = |b: &&Brick| b.mask != 0 && (0..3).all(|k| range(k).contains(&b.at[k]));
+            self.slots.iter().filter(inside).all(rows);
+            return;
+        }
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    let brick = self.slots[self.slot([x, y, z])];
+                    if brick.mask != 0 && !rows(&brick) {
+                        return;
                     }
                 }
             }

@@ -9,7 +9,7 @@ use crate::geometry::SurfacePoint;
 const LANES: usize = 8;
 
 /// Plots with more sites around are long and thin, or crumpled; their points are looked up one by one.
-const MOST: usize = 128;
+const MOST: usize = 256;
 
 /// A point's nearest site is within this many spacings of its plot, or looked for farther away.
 const MARGIN: f32 = 1.1;
@@ -51,16 +51,19 @@ impl Crowd {
         self.margin = MARGIN * plot.spacing;
         let low = points.iter().map(|p| p.position).fold(Vec3::INFINITY, Vec3::min) - self.margin;
         let high = points.iter().map(|p| p.position).fold(Vec3::NEG_INFINITY, Vec3::max) + self.margin;
+        let (axis, sine) = cone(points);
         self.count = 0;
         sites.near.within_box(low, high, |near| {
             let p = near.position;
             let inside = (p.x >= low.x) & (p.y >= low.y) & (p.z >= low.z);
-            if inside & (p.x <= high.x) & (p.y <= high.y) & (p.z <= high.z) {
+            let turned = near.normal.dot(axis) < sine;
+            if inside & (p.x <= high.x) & (p.y <= high.y) & (p.z <= high.z) & !turned {
                 if self.count < MOST {
                     self.set(self.count, near);
                 }
                 self.count += 1;
             }
+            self.count <= MOST
         });
         if self.count > MOST {
             self.margin = 0.0;
@@ -79,6 +82,11 @@ impl Crowd {
         }
         self.square[group][lane] = near.spacing * near.spacing;
         self.ids[group][lane] = near.id;
+    }
+
+    /// Whether there are more sites around than can be compared with every point.
+    pub(super) fn overflows(&self) -> bool {
+        self.count > MOST
     }
 
     /// What [`Sites::nearest`] says of a point of the plot.
@@ -128,4 +136,13 @@ impl Crowd {
         }
         out
     }
+}
+
+/// The axis of a cone about the points' normals, and a cosine with it below which no normal matches any of them.
+fn cone(points: &[SurfacePoint]) -> (Vec3, f32) {
+    let axis = points.iter().map(|p| p.normal).sum::<Vec3>().normalize_or_zero();
+    let cosine = points.iter().map(|p| p.normal.dot(axis)).fold(1.0, f32::min);
+    // A thousandth makes up for rounding: near the axis, cosines hold no angles below 3e-4.
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt() + 1e-3;
+    (axis, if cosine > 0.0 { -sine } else { -2.0 })
 }

@@ -6,6 +6,7 @@
 pub mod cells;
 mod crowd;
 pub mod neighbours;
+mod plots;
 mod samples;
 mod scatter;
 
