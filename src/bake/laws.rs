@@ -49,7 +49,7 @@ impl Plan {
         let rays = (256.0 / ease).clamp(48.0, 2048.0) as u32;
         Self {
             sites: SiteParams { seed, ..SiteParams::default() },
-            site_spacing: 0.7,
+            site_spacing: 0.85,
             widest_spacing: 3.0,
             variation: (0.1 * ease) as f32,
             closest: 0.25,

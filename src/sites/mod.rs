@@ -38,6 +38,8 @@ pub struct SiteParams {
     pub seed: u64,
     /// Level 0 has about this many sites.
     pub coarsest: usize,
+    /// A spacing that is met exactly, local units: levels are this times powers of two. Zero leaves them where they fall.
+    pub met: f32,
     /// Candidates thrown per squared spacing: fewer leave gaps, more cost time. Of 6, 0.5 % of the surface is farther than
     /// one spacing from its site, and 0.03 % farther than 1.2.
     pub density: f32,
@@ -45,7 +47,7 @@ pub struct SiteParams {
 
 impl Default for SiteParams {
     fn default() -> Self {
-        Self { seed: 1, coarsest: 64, density: 6.0 }
+        Self { seed: 1, coarsest: 64, met: 0.0, density: 6.0 }
     }
 }
 

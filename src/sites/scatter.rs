@@ -53,7 +53,7 @@ impl Sites {
         wanted: impl Fn(&Candidate) -> Option<f32> + Sync,
     ) -> (Self, Vec<Plot>, Samples) {
         let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
-        let mut growth = Growth::new(surface, first, params.seed);
+        let mut growth = Growth::new(surface, params.aligned(first), params.seed);
         let mut packing = Packing::default();
         let mut kept: Vec<Kept> = Vec::new();
         let mut plots = Vec::new();
@@ -81,6 +81,13 @@ impl Sites {
         let mut sites = Self::from_arrays(in_order(&kept));
         let samples = Samples::share(&mut sites, surface, &plots, params.seed);
         (sites, plots, samples)
+    }
+}
+
+impl SiteParams {
+    /// The power of two times the spacing to be met that is nearest to a first spacing.
+    fn aligned(&self, first: f32) -> f32 {
+        if self.met > 0.0 { self.met * (first / self.met).log2().round().exp2() } else { first }
     }
 }
 

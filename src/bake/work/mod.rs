@@ -18,7 +18,7 @@ use crate::rays::Bvh;
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
-use crate::sites::{Cells, Neighbours, Plot, Samples, SiteId, Sites};
+use crate::sites::{Cells, Neighbours, Plot, Samples, SiteId, SiteParams, Sites};
 use crate::solve::{Problem, Solution};
 
 /// What stays fixed all along.
@@ -63,10 +63,11 @@ impl Layout {
     pub fn new(
         grounds: Grounds<'_>,
         plan: &Plan,
+        sites: &SiteParams,
         spacing: impl Fn(&Candidate) -> Option<f32> + Sync,
     ) -> Self {
         let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
-        let (sites, plots, samples) = Sites::scatter(surface, &plan.sites, spacing);
+        let (sites, plots, samples) = Sites::scatter(surface, sites, spacing);
         let (graph, linked) = Neighbours::link(&sites, bvh);
         let cells = Cells::new(surface, &plots);
         let means = means(&sites, &samples);
