@@ -65,14 +65,23 @@ pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport>
     Ok(report)
 }
 
+/// What a reader wants to do with a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Answer for points under the light that is stored: rows stay in the file, there are none in memory.
+    Answers,
+    /// Solve for other light: rows are decoded.
+    Light,
+}
+
 /// Reads a model back.
-pub fn read(job: &Path) -> Result<Model> {
+pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
     let (scene, bvh) = read_scene(job)?;
     let (sites, graph, plots) = read_sites(job)?;
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, _) = lamps::split(&scene);
     let (albedo, exitance) = read_materials(job, &sites)?;
-    let (direct, receivers, spread) = read_links(job, &sites, (&scene, &lamps))?;
+    let (direct, receivers, spread) = read_links(job, (&sites, purpose), (&scene, &lamps))?;
     let (solution, field) = read_light(job, &receivers, &sites)?;
     Ok(Model {
         scene,
@@ -309,7 +318,11 @@ fn read_lamp_links(archive: &Archive, sites: &Sites, (scene, lamps): (&Scene, &[
     Ok(Direct { tree, offsets, links, sky, rays: 0 })
 }
 
-fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Direct, Receivers, Spread)> {
+fn read_links(
+    job: &Path,
+    (sites, purpose): (&Sites, Purpose),
+    lit: (&Scene, &[Lamp]),
+) -> Result<(Direct, Receivers, Spread)> {
     let archive = open(job, "links")?;
     let direct = read_lamp_links(&archive, sites, lit)?;
     let spread = Spread {
@@ -320,7 +333,7 @@ fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Dire
     };
     same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
     same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;
-    let receivers = read_receivers(&archive, sites)?;
+    let receivers = read_receivers(&archive, sites, purpose)?;
     let ascends =
         spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
@@ -329,7 +342,7 @@ fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Dire
     Ok((direct, receivers, spread))
 }
 
-fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
+fn read_receivers(archive: &Archive, sites: &Sites, purpose: Purpose) -> Result<Receivers> {
     let ids: &[u32] = archive.array(tag("receiver"))?;
     let radii: &[f32] = archive.array(tag("radius"))?;
     let keys: &[u64] = archive.array(tag("row_key"))?;
@@ -356,10 +369,21 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
         black,
         escaped,
     });
-    let met = read_rows(archive, (&supports, keys, rays), sites)?;
+    let met = match purpose {
+        Purpose::Light => read_rows(archive, (&supports, keys, rays), sites)?,
+        Purpose::Answers => untouched(archive)?,
+    };
     let rows = Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() };
     let homes = ids.iter().map(|&s| SiteId(s)).collect();
     Ok(Receivers { homes, lift: 0.0, index: SupportIndex::new(&supports), rows })
+}
+
+/// No rows, once their bytes are known to be whole.
+fn untouched(archive: &Archive) -> Result<Vec<u32>> {
+    for block in archive.blocks(tag("rows")).chain(archive.blocks(tag("order"))) {
+        block.stored()?;
+    }
+    Ok(Vec::new())
 }
 
 fn read_rows(
