@@ -6,15 +6,13 @@
 //! truth: any row comes back bit by bit, provided that both ends round sines alike.
 
 use std::cmp::Ordering;
-use std::sync::Arc;
 
-use glam::{Mat3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use super::coins::{Coder, Coin};
 use super::merged::Merged;
-use crate::geometry::{hash, tangent_frame};
-use crate::links::rows::{BLACK, FIRST_MARK, LOST, Rows, SKY, lattice};
+use crate::links::rows::{BLACK, Directions, FIRST_MARK, LOST, Lattice, Rows, SKY, lattice};
 use crate::tree::Support;
 
 /// Rows a run: the coder starts anew in each.
@@ -68,8 +66,7 @@ const MOST_DIGITS: u32 = 20;
 /// What the coder has learnt, and its state.
 struct Walk<'a> {
     coder: Coder<'a>,
-    /// Per ray, before the row's shift: squared sine of the polar angle, cosine and sine of the other.
-    lattice: Arc<[[f32; 3]]>,
+    lattice: Lattice,
     candidates: Candidates,
     /// By what the last three rays met, how near the nearest link is, and the share of marks among what is left.
     hit: [[[Coin; 4]; 10]; 8],
@@ -87,7 +84,7 @@ impl<'a> Walk<'a> {
     fn new(coder: Coder<'a>, rays: u32) -> Self {
         Self {
             coder,
-            lattice: lattice(rays).iter().map(polar).collect(),
+            lattice: lattice(rays),
             candidates: Candidates::default(),
             hit: Default::default(),
             mark: Default::default(),
@@ -106,10 +103,8 @@ impl<'a> Walk<'a> {
         row: &mut [u32],
     ) -> Result<(), String> {
         let at = view.supports[receiver].point;
-        let directions = Shift::new(key, row.len() as u32);
-        let (tangent, bitangent) = tangent_frame(at.normal);
-        let frame = Mat3::from_cols(tangent, bitangent, at.normal).transpose();
-        self.candidates.set(merged, |site| frame * (view.positions[site as usize] - at.position));
+        let directions = Directions::new(at.normal, key, row.len() as u32);
+        self.candidates.set(merged, |site| view.positions[site as usize] - at.position);
         let mut marks = row.len() as u32 - self.candidates.rays;
         let (mut before, mut last_mark, mut sure) = (7, 0, 1);
         let lattice = self.lattice.clone();
@@ -191,33 +186,6 @@ fn octave(x: f32, most: usize) -> usize {
 /// Half octaves of x, from 0 for what is below about 1.5 to `most`.
 fn octave_halves(x: f32, most: usize) -> usize {
     (x.max(1.0).to_bits() >> 22).saturating_sub(254).min(most as u32) as usize
-}
-
-fn polar(&[square, turns]: &[f32; 2]) -> [f32; 3] {
-    let (sin, cos) = (std::f32::consts::TAU * turns).sin_cos();
-    [square, cos, sin]
-}
-
-/// A row's directions, about +z: as [`crate::links::rows::Directions`] has them but for rounding, and quicker.
-struct Shift {
-    square: f32,
-    turn: [f32; 2],
-}
-
-impl Shift {
-    fn new(key: u64, rays: u32) -> Self {
-        let [a, b] = hash::unit_pair(key, 0);
-        let (sin, cos) = (std::f32::consts::TAU * b).sin_cos();
-        Self { square: a / rays as f32, turn: [cos, sin] }
-    }
-
-    fn at(&self, [square, cos, sin]: [f32; 3]) -> Vec3 {
-        let square = square + self.square;
-        let radius = square.sqrt();
-        let x = radius * (cos * self.turn[0] - sin * self.turn[1]);
-        let y = radius * (sin * self.turn[0] + cos * self.turn[1]);
-        Vec3::new(x, y, (1.0 - square).max(0.0).sqrt())
-    }
 }
 
 /// Lanes in which scores are compared.
