@@ -48,7 +48,7 @@ impl Merged {
         self.counts.clear();
     }
 
-    fn write(&self, out: &mut BitWriter) {
+    fn write(&self, out: &mut BitWriter, counts: &mut BitWriter) {
         let k = self.best_k();
         out.golomb(u64::from(self.lost), 0);
         out.golomb(self.sites.len() as u64, LENGTH_K);
@@ -56,7 +56,7 @@ impl Merged {
         let mut next = 0;
         for (&site, &count) in self.sites.iter().zip(&self.counts) {
             out.golomb(u64::from(site - next), k);
-            out.golomb(u64::from(count - 1), 0);
+            counts.golomb(u64::from(count - 1), 0);
             next = site + 1;
         }
     }
@@ -79,18 +79,20 @@ impl Merged {
     }
 }
 
-/// The links of rows `first..last` as bytes: offsets of the runs (u32), runs, zeros.
+/// The links of rows `first..last` as bytes: offsets of the streams (u32), streams, zeros. A run is a stream of sites and one
+/// of counts, so that the processor decodes both at a time.
 pub fn encode(rows: &Rows, (first, last): (usize, usize)) -> Vec<u8> {
     let run = |start: usize| {
-        let mut out = BitWriter::default();
+        let (mut sites, mut counts) = (BitWriter::default(), BitWriter::default());
         let (mut merged, mut hits) = (Merged::default(), Vec::new());
         for r in start..(start + RUN).min(last) {
             merged.set(rows.row(r), &mut hits);
-            merged.write(&mut out);
+            merged.write(&mut sites, &mut counts);
         }
-        out.finish()
+        [sites.finish(), counts.finish()]
     };
-    let mut bytes = super::concatenate((first..last).into_par_iter().step_by(RUN).map(run).collect());
+    let runs: Vec<[Vec<u8>; 2]> = (first..last).into_par_iter().step_by(RUN).map(run).collect();
+    let mut bytes = super::concatenate(runs.into_iter().flatten().collect());
     bytes.extend([0; SLACK_BYTES]);
     bytes
 }
@@ -106,7 +108,7 @@ pub struct Block<'a> {
 impl<'a> Block<'a> {
     /// Over the bytes of `rows` rows of `rays` rays. Errors with a description when the offsets are not what they should be.
     pub fn new(bytes: &'a [u8], rows: usize, rays: u32) -> Result<Self, String> {
-        let runs = super::Runs::new(bytes, rows.div_ceil(RUN))?;
+        let runs = super::Runs::new(bytes, 2 * rows.div_ceil(RUN))?;
         Ok(Self { runs, rows, rays })
     }
 
@@ -132,7 +134,8 @@ impl<'a> Block<'a> {
         mut link: impl FnMut(&mut T, u32, u32) -> bool,
         mut row: impl FnMut(usize, T, u32),
     ) -> Result<(), String> {
-        let mut reader = BitReader::new(self.runs.bytes(run));
+        let mut reader = BitReader::new(self.runs.bytes(2 * run));
+        let mut counts = BitReader::new(self.runs.bytes(2 * run + 1));
         for r in run * RUN..((run + 1) * RUN).min(self.rows) {
             let mut value = T::default();
             let head = (reader.golomb(0), reader.golomb(LENGTH_K), reader.bits(K_BITS) as u32);
@@ -141,7 +144,7 @@ impl<'a> Block<'a> {
             };
             let (mut site, mut rays) = (u64::MAX, lost);
             for _ in 0..length {
-                let Some((ahead, more)) = reader.golomb_pair(k) else {
+                let (Some(ahead), Some(more)) = (reader.golomb(k), counts.golomb(0)) else {
                     return Err(format!("row {r} ends early"));
                 };
                 site = site.wrapping_add(ahead + 1);
