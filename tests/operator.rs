@@ -178,6 +178,6 @@ fn damage_in_a_stream_is_named() {
     // The last site that any row names is not there any more.
     let most =
         rows.met.iter().filter(|&&met| met < FIRST_MARK).max().copied().expect("rays that hit") as usize;
-    let problem = gather_stored(&[block], &radiosity[..most]).expect_err("a site is missing");
+    let problem = gather_stored(&[block], &radiosity[..most]).err().expect("a site is missing");
     assert!(problem.contains(&format!("names site {most}")), "{problem}");
 }

@@ -3,7 +3,7 @@
 //! Once a row's links are known, a ray mostly met the one whose site lies nearest to its direction and still has rays to
 //! be accounted for. So what is coded is the rank of the true one by angle, mostly nought, with an adaptive coder whose
 //! contexts are how clear the choice is and what the rays before met. Where geometry knows nothing it costs bits, never
-//! truth: any row comes back bit by bit, provided that both ends round sines alike.
+//! truth: any row comes back bit by bit. Both ends must round sines alike; a seal tells where they do not.
 
 use std::cmp::Ordering;
 
@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use super::coins::{Coder, Coin};
 use super::merged::Merged;
+use crate::geometry::hash;
 use crate::links::rows::{BLACK, Directions, FIRST_MARK, LOST, Lattice, Rows, SKY, lattice};
 use crate::tree::Support;
 
@@ -38,6 +39,7 @@ pub fn encode(view: View<'_>, rows: &Rows, (first, last): (usize, usize)) -> Vec
             // What is written is known to be right.
             let _ = walk.row((view, r, rows.keys[r]), &merged, &mut row);
         }
+        walk.seal(&rows.met[start * rows.rays as usize..(start + RUN).min(last) * rows.rays as usize]);
         walk.coder.finish()
     };
     super::concatenate((first..last).into_par_iter().step_by(RUN).map(run).collect())
@@ -57,11 +59,18 @@ pub fn decode(
     for (k, (merged, row)) in links.iter().zip(met.chunks_exact_mut(rays)).enumerate() {
         walk.row((view, first + k, keys[first + k]), merged, row)?;
     }
-    Ok(())
+    if walk.seal(met) {
+        Ok(())
+    } else {
+        Err("the order of rays is another: damaged, or other sines".to_owned())
+    }
 }
 
 /// Ranks from this on are refused: more than there are rays.
 const MOST_DIGITS: u32 = 20;
+
+/// One order in 2¹⁶ that is wrong is believed.
+const SEAL_BITS: u32 = 16;
 
 /// What the coder has learnt, and its state.
 struct Walk<'a> {
@@ -131,6 +140,15 @@ impl<'a> Walk<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Codes sixteen bits of a hash of what was met; whether they agree. Directions rounded otherwise must not go unnoticed.
+    fn seal(&mut self, met: &[u32]) -> bool {
+        let hash = met.iter().fold(0, |hash, &met| hash::mix2(hash, u64::from(met)));
+        (0..SEAL_BITS).fold(true, |agrees, bit| {
+            let own = hash >> bit & 1 == 1;
+            agrees & (self.coder.flip(&mut Coin::default(), own) == own)
+        })
     }
 
     fn mark(&mut self, met: u32, last: usize) -> usize {
