@@ -2,7 +2,7 @@
 
 mod shapes;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use glowtree::archive::{Archive, Digest, Digests, Tag};
 use glowtree::bake::Silent;
@@ -17,12 +17,12 @@ use glowtree::scene;
 use glowtree::solve::transport::{Transport, gather_stored};
 
 /// A scene of the tree or of the shared data, baked as `--error 1%` begins: by a plan that aims at three quarters of it.
-fn bake(file: PathBuf) -> Option<Model> {
+fn bake(file: &Path) -> Option<Model> {
     if !file.exists() {
         println!("skipped: no {}; set GLOWTREE_SHARED", file.display());
         return None;
     }
-    let scene = scene::load(&file).expect("the scene");
+    let scene = scene::load(file).expect("the scene");
     Some(build(scene, &Plan::new(0.0075, 0), None, &Silent).expect("nothing interrupts").0)
 }
 
@@ -100,21 +100,21 @@ fn small_and_whole(name: &str, model: &Model, least_with_order: f64) {
 
 #[test]
 fn cornell_is_stored_small_and_whole() {
-    let Some(model) = bake(own("cornell")) else { panic!("the tree's own scene") };
+    let Some(model) = bake(&own("cornell")) else { panic!("the tree's own scene") };
     small_and_whole("cornell", &model, 6.0);
     product("cornell", &model);
 }
 
 #[test]
 fn rooms_are_stored_small_and_whole() {
-    let Some(model) = bake(own("rooms")) else { panic!("the tree's own scene") };
+    let Some(model) = bake(&own("rooms")) else { panic!("the tree's own scene") };
     small_and_whole("rooms", &model, 6.0);
     product("rooms", &model);
 }
 
 #[test]
 fn the_scan_is_stored_small_and_whole() {
-    let Some(model) = bake(shared("scan")) else { return };
+    let Some(model) = bake(&shared("scan")) else { return };
     // The scan's surface is rough: where its own folds are met from close by, directions tell less.
     small_and_whole("scan", &model, 5.8);
 }
@@ -178,6 +178,6 @@ fn damage_in_a_stream_is_named() {
     // The last site that any row names is not there any more.
     let most =
         rows.met.iter().filter(|&&met| met < FIRST_MARK).max().copied().expect("rays that hit") as usize;
-    let problem = gather_stored(&[block], &radiosity[..most]).err().expect("a site is missing");
+    let Err(problem) = gather_stored(&[block], &radiosity[..most]) else { panic!("site {most} is missing") };
     assert!(problem.contains(&format!("names site {most}")), "{problem}");
 }
