@@ -69,7 +69,7 @@ impl Job {
 /// [`Error::NoJob`] when there is none or it is not finished, [`Error::Damaged`] when a checksum fails.
 pub fn open(job: &Path) -> Result<Job> {
     let summary = Summary::read(job)?;
-    let model = store::read(job)?;
+    let model = store::read(job, store::Purpose::Answers)?;
     Ok(Job { model, summary, directory: job.to_path_buf() })
 }
 

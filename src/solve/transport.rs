@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 
 use crate::light::Rgb;
+use crate::links::compress::merged::{Block, RUN};
 use crate::links::receivers::Spread;
-use crate::links::rows::{FIRST_MARK, LOST, Rows};
+use crate::links::rows::{BLACK, LOST, Rows, SKY};
 
 /// The linear map from irradiance at receivers to irradiance at receivers, one bounce later.
 ///
@@ -47,20 +48,19 @@ impl Transport<'_> {
     }
 
     /// Irradiance at receivers from the sites' radiosity: G·B.
+    ///
+    /// Accuracy: a row's sum errs by less than 9 ε of the sum of magnitudes. The same for any number of threads.
     pub fn gather(&self, radiosity: &[Rgb]) -> Vec<Rgb> {
+        let slots = Slots::new(radiosity);
         (0..self.rows.len())
             .into_par_iter()
             .with_min_len(64)
             .map(|r| {
-                let mut sum = Rgb::ZERO;
-                let mut live = 0u32;
-                for &m in self.rows.row(r) {
-                    live += u32::from(m != LOST);
-                    if m < FIRST_MARK {
-                        sum += radiosity[m as usize];
-                    }
+                let mut sum = Sum::default();
+                for part in self.rows.row(r).chunks(PART) {
+                    sum.add(part.iter().fold([0.0; 4], |sum, &met| plus(sum, slots.of(met))));
                 }
-                sum / live.max(1) as f32
+                sum.mean()
             })
             .collect()
     }
@@ -69,4 +69,85 @@ impl Transport<'_> {
     pub fn apply(&self, receivers: &[Rgb]) -> Vec<Rgb> {
         self.gather(&self.pull(&self.push(receivers), None))
     }
+}
+
+/// G·B from links as they are stored: blocks of all rows in order, each read once from front to back.
+///
+/// The same rows as [`Transport::gather`] has, hence the same sums but for rounding, and the same for any number of threads.
+/// Errors with a description when a block is damaged.
+pub fn gather_stored(blocks: &[Block<'_>], radiosity: &[Rgb]) -> Result<Vec<Rgb>, String> {
+    let slots = Slots::new(radiosity);
+    let mut irradiance = vec![Rgb::ZERO; blocks.iter().map(Block::rows).sum()];
+    let mut rest = irradiance.as_mut_slice();
+    let mut runs = Vec::new();
+    for block in blocks {
+        let (own, others) = rest.split_at_mut(block.rows());
+        runs.extend(own.chunks_mut(RUN).enumerate().map(|(run, out)| (block, run, out)));
+        rest = others;
+    }
+    runs.into_par_iter().try_for_each(|(block, run, out)| {
+        let link = |sum: &mut Sum, site: u32, count: u32| match slots.0.get(site as usize) {
+            Some(&slot) if (site as usize) < radiosity.len() => {
+                sum.link(slot, count as f32);
+                true
+            }
+            _ => false,
+        };
+        let row = |r: usize, mut sum: Sum, lost: u32| {
+            sum.0[3] = f64::from(block.rays().saturating_sub(lost));
+            out[r - run * RUN] = sum.mean();
+        };
+        block.fold(run, link, row)
+    })?;
+    Ok(irradiance)
+}
+
+/// Entries added up in f32 before f64 takes over.
+const PART: usize = 16;
+
+/// Marks are the last three numbers, in this order: [`Slots::of`] counts on it.
+const _: () = assert!(LOST == u32::MAX - 2 && BLACK == u32::MAX - 1 && SKY == u32::MAX);
+
+/// What entries of rows stand for: a site's radiosity and one live ray; nothing and a live ray; nothing at all. Marks are
+/// slots like any other, so that no entry needs a branch.
+struct Slots(Vec<[f32; 4]>);
+
+impl Slots {
+    fn new(radiosity: &[Rgb]) -> Self {
+        let sites = radiosity.iter().map(|b| [b.x, b.y, b.z, 1.0]);
+        // In the order of the marks' numbers: lost, black, sky.
+        Self(sites.chain([[0.0; 4], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]).collect())
+    }
+
+    #[inline]
+    fn of(&self, met: u32) -> [f32; 4] {
+        let mark = self.0.len() - 3 + met.wrapping_sub(LOST) as usize;
+        self.0[(met as usize).min(mark)]
+    }
+}
+
+/// Sums of three channels and of live rays.
+#[derive(Default)]
+struct Sum([f64; 4]);
+
+impl Sum {
+    fn add(&mut self, part: [f32; 4]) {
+        self.0.iter_mut().zip(part).for_each(|(sum, part)| *sum += f64::from(part));
+    }
+
+    #[inline]
+    fn link(&mut self, slot: [f32; 4], count: f32) {
+        self.0.iter_mut().zip(slot).for_each(|(sum, slot)| *sum += f64::from(slot * count));
+    }
+
+    fn mean(&self) -> Rgb {
+        let [x, y, z, live] = self.0;
+        let live = live.max(1.0);
+        Rgb::new((x / live) as f32, (y / live) as f32, (z / live) as f32)
+    }
+}
+
+#[inline]
+fn plus(sum: [f32; 4], slot: [f32; 4]) -> [f32; 4] {
+    std::array::from_fn(|k| sum[k] + slot[k])
 }

@@ -6,12 +6,13 @@ use std::path::Path;
 
 use glam::{Mat3, Vec3};
 
-use crate::archive::{Archive, Digests, Encoded, Tag, Writer};
+use crate::archive::{Archive, Block, Digests, Encoded, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
-use crate::links::compress;
+use crate::links::compress::order::View;
+use crate::links::compress::{self, merged, order};
 use crate::links::direct::{Direct, DirectParams, LampLink};
 use crate::links::lamps::{self, Lamp, LampTree};
 use crate::links::receivers::{Receivers, Spread};
@@ -28,8 +29,12 @@ use record::SceneRecord;
 
 /// Rows per block of links.
 const BLOCK_ROWS: usize = 4096;
-/// The codec of rows: [`compress`].
-const LATTICE_CODEC: u16 = 1;
+/// Longer rows are no rows: bounds what a claim makes a reader allocate.
+const MOST_RAYS: u32 = 1 << 16;
+/// The codec of links: [`compress::merged`].
+const LINKS_CODEC: u16 = 2;
+/// The codec of the rays' order: [`compress::order`].
+const ORDER_CODEC: u16 = 3;
 
 const PROGRAM: &str = concat!("glowtree ", env!("CARGO_PKG_VERSION"));
 
@@ -42,8 +47,10 @@ const fn tag(name: &str) -> Tag {
 pub struct StoreReport {
     /// All archives together.
     pub archive_bytes: u64,
-    /// The rows' payload.
+    /// The rows' payload: links and the order of their rays.
     pub row_bytes: u64,
+    /// Of it the links: all that the product needs.
+    pub link_bytes: u64,
     /// Blocks written.
     pub blocks: u64,
 }
@@ -58,14 +65,23 @@ pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport>
     Ok(report)
 }
 
+/// What a reader wants to do with a model.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Purpose {
+    /// Answer for points under the light that is stored: rows stay in the file, there are none in memory.
+    Answers,
+    /// Solve for other light: rows are decoded.
+    Light,
+}
+
 /// Reads a model back.
-pub fn read(job: &Path) -> Result<Model> {
+pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
     let (scene, bvh) = read_scene(job)?;
     let (sites, graph, plots) = read_sites(job)?;
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, _) = lamps::split(&scene);
     let (albedo, exitance) = read_materials(job, &sites)?;
-    let (direct, receivers, spread) = read_links(job, &sites, (&scene, &lamps))?;
+    let (direct, receivers, spread) = read_links(job, (&sites, purpose), (&scene, &lamps))?;
     let (solution, field) = read_light(job, &receivers, &sites)?;
     Ok(Model {
         scene,
@@ -238,19 +254,29 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("point"), all.clone(), &points)?;
     w.append(tag("row_key"), all.clone(), &receivers.rows.keys)?;
     w.append(tag("row_sums"), all, &counts)?;
-    for first in (0..receivers.len()).step_by(BLOCK_ROWS) {
-        let last = (first + BLOCK_ROWS).min(receivers.len());
-        let mut bytes = Vec::new();
-        (first..last).for_each(|r| compress::encode(receivers.rows.row(r), &mut bytes));
-        report.row_bytes += bytes.len() as u64;
-        let raw_bytes = (last - first) as u64 * u64::from(receivers.rows.rays) * 4;
-        let encoded = Encoded { codec: LATTICE_CODEC, width_bytes: 4, raw_bytes, bytes: &bytes };
-        w.append_bytes(tag("rows"), first as u64..last as u64, encoded)?;
-    }
+    write_rows(&mut w, model, report)?;
     w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;
     w.append(tag("fit_to"), sites.clone(), &model.spread.receivers)?;
     w.append(tag("fit_by"), sites, &model.spread.weights)?;
     finish(w, report)
+}
+
+/// Rows in blocks, links and order each.
+fn write_rows(w: &mut Writer, model: &Model, report: &mut StoreReport) -> Result<()> {
+    let rows = &model.receivers.rows;
+    let view = View { supports: model.receivers.index.supports(), positions: &model.sites.positions };
+    for first in (0..rows.len()).step_by(BLOCK_ROWS) {
+        let last = (first + BLOCK_ROWS).min(rows.len());
+        let links = merged::encode(rows, (first, last));
+        let order = order::encode(view, rows, (first, last));
+        report.link_bytes += links.len() as u64;
+        report.row_bytes += (links.len() + order.len()) as u64;
+        let raw_bytes = (last - first) as u64 * u64::from(rows.rays) * 4;
+        let encoded = |codec, bytes| Encoded { codec, width_bytes: 4, raw_bytes, bytes };
+        w.append_bytes(tag("rows"), first as u64..last as u64, encoded(LINKS_CODEC, &links))?;
+        w.append_bytes(tag("order"), first as u64..last as u64, encoded(ORDER_CODEC, &order))?;
+    }
+    Ok(())
 }
 
 /// The bit of a link's cluster that says penumbra.
@@ -292,7 +318,11 @@ fn read_lamp_links(archive: &Archive, sites: &Sites, (scene, lamps): (&Scene, &[
     Ok(Direct { tree, offsets, links, sky, rays: 0 })
 }
 
-fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Direct, Receivers, Spread)> {
+fn read_links(
+    job: &Path,
+    (sites, purpose): (&Sites, Purpose),
+    lit: (&Scene, &[Lamp]),
+) -> Result<(Direct, Receivers, Spread)> {
     let archive = open(job, "links")?;
     let direct = read_lamp_links(&archive, sites, lit)?;
     let spread = Spread {
@@ -303,7 +333,7 @@ fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Dire
     };
     same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
     same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;
-    let receivers = read_receivers(&archive, sites)?;
+    let receivers = read_receivers(&archive, sites, purpose)?;
     let ascends =
         spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
@@ -312,7 +342,7 @@ fn read_links(job: &Path, sites: &Sites, lit: (&Scene, &[Lamp])) -> Result<(Dire
     Ok((direct, receivers, spread))
 }
 
-fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
+fn read_receivers(archive: &Archive, sites: &Sites, purpose: Purpose) -> Result<Receivers> {
     let ids: &[u32] = archive.array(tag("receiver"))?;
     let radii: &[f32] = archive.array(tag("radius"))?;
     let keys: &[u64] = archive.array(tag("row_key"))?;
@@ -339,30 +369,59 @@ fn read_receivers(archive: &Archive, sites: &Sites) -> Result<Receivers> {
         black,
         escaped,
     });
-    let met = read_rows(archive, ids.len(), rays, sites.len() as u32)?;
+    let met = match purpose {
+        Purpose::Light => read_rows(archive, (&supports, keys, rays), sites)?,
+        Purpose::Answers => untouched(archive)?,
+    };
     let rows = Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() };
     let homes = ids.iter().map(|&s| SiteId(s)).collect();
     Ok(Receivers { homes, lift: 0.0, index: SupportIndex::new(&supports), rows })
 }
 
-fn read_rows(archive: &Archive, rows: usize, rays: u32, sites: u32) -> Result<Vec<u32>> {
-    let mut met = Vec::new();
-    for block in archive.blocks(tag("rows")) {
-        let mut bytes = block.stored()?;
-        for _ in block.range() {
-            // A row takes at least a byte a ray: the claim is bounded by what is there.
-            if bytes.len() < rays as usize {
-                return Err(damaged(archive, "rows", format!("{} bytes left for {rays} rays", bytes.len())));
-            }
-            let start = met.len();
-            met.resize(start + rays as usize, 0);
-            let used = compress::decode(bytes, sites, &mut met[start..])
-                .map_err(|problem| damaged(archive, "rows", problem))?;
-            bytes = &bytes[used..];
-        }
+/// No rows, once their bytes are known to be whole.
+fn untouched(archive: &Archive) -> Result<Vec<u32>> {
+    for block in archive.blocks(tag("rows")).chain(archive.blocks(tag("order"))) {
+        block.stored()?;
     }
-    same_length(archive, "rows", &met, rows * rays as usize)?;
+    Ok(Vec::new())
+}
+
+fn read_rows(
+    archive: &Archive,
+    (supports, keys, rays): (&[Support], &[u64], u32),
+    sites: &Sites,
+) -> Result<Vec<u32>> {
+    let view = View { supports, positions: &sites.positions };
+    if rays > MOST_RAYS {
+        return Err(damaged(archive, "rays", format!("expected {MOST_RAYS} at the most, got {rays}")));
+    }
+    let mut met = Vec::new();
+    let mut next = 0;
+    for (links, order) in archive.blocks(tag("rows")).zip(archive.blocks(tag("order"))) {
+        expect_codec(archive, &links, LINKS_CODEC)?;
+        expect_codec(archive, &order, ORDER_CODEC)?;
+        let range = links.range();
+        if range != order.range() || range.start != next || range.end > keys.len() as u64 {
+            let problem = format!("rows {range:?} with the order of {:?}, after {next}", order.range());
+            return Err(damaged(archive, "rows", problem));
+        }
+        next = range.end;
+        let start = met.len();
+        met.resize(next as usize * rays as usize, 0);
+        let place = (view, keys, range.start as usize);
+        compress::decode((links.stored()?, order.stored()?), place, rays, &mut met[start..])
+            .map_err(|problem| damaged(archive, "rows", problem))?;
+    }
+    same_length(archive, "rows", &met, keys.len() * rays as usize)?;
     Ok(met)
+}
+
+fn expect_codec(archive: &Archive, block: &Block<'_>, codec: u16) -> Result<()> {
+    if block.entry().codec == codec {
+        return Ok(());
+    }
+    let problem = format!("expected codec {codec}, got {}: bake again", block.entry().codec);
+    Err(damaged(archive, &block.entry().tag.to_string(), problem))
 }
 
 fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
