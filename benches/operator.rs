@@ -87,7 +87,7 @@ fn measure(file: &Path) -> glowtree::Result<()> {
     let radiosity = &model.solution.radiosity;
     let transport = Transport { rows, spread: &model.spread, albedo: &model.albedo };
     let memory = best(|| transport.gather(radiosity));
-    let stored = best(|| gather_stored(&blocks, radiosity));
+    let stored = best(|| gather_stored(&blocks, &rows.summaries, radiosity));
     let bounce = best(|| transport.apply(&model.solution.irradiance));
     let rays = rows.met.len() as f64;
     let name = file.parent().and_then(Path::file_name).map_or(String::new(), |n| n.to_string_lossy().into());

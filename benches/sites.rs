@@ -68,7 +68,7 @@ fn measure(name: &str, surface: &Surface<'_>, coarsest: usize, share: impl Fn(&C
     for _ in 0..REPEATS {
         drop(last.take());
         let (cpu, wall) = (ProcessTime::now(), Instant::now());
-        last = Some(Sites::scatter(surface, &params, wanted).0);
+        last = Some(Sites::scatter(surface, &params, &[], wanted).0);
         let (cpu, wall) = (cpu.elapsed().as_secs_f64(), wall.elapsed().as_secs_f64());
         best = (best.0.min(wall), best.1.min(cpu));
     }

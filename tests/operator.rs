@@ -12,7 +12,7 @@ use glowtree::bake::pipeline::build;
 use glowtree::bake::store::{self, Purpose};
 use glowtree::light::Rgb;
 use glowtree::links::compress::merged::{Block, Merged};
-use glowtree::links::rows::{FIRST_MARK, LOST, Rows};
+use glowtree::links::rows::{FIRST_MARK, LOST, Rows, SKY};
 use glowtree::scene;
 use glowtree::solve::transport::{Transport, gather_stored};
 
@@ -123,11 +123,14 @@ fn the_scan_is_stored_small_and_whole() {
 fn by_definition(rows: &Rows, radiosity: &[Rgb]) -> Vec<[f64; 3]> {
     let row = |r: usize| {
         let row = rows.row(r);
-        let live = row.iter().filter(|&&met| met != LOST).count().max(1) as f64;
+        let count = |mark: u32| row.iter().filter(|&&met| met == mark).count();
+        let surfaces = row.len() - count(SKY);
+        // Lost rays are as the mean of the others that met surfaces.
+        let weight = surfaces as f64 / ((surfaces - count(LOST)).max(1) * row.len()) as f64;
         let light = |k: usize| {
             row.iter().filter(|&&m| m < FIRST_MARK).map(|&m| f64::from(radiosity[m as usize][k])).sum::<f64>()
         };
-        std::array::from_fn(|k| light(k) / live)
+        std::array::from_fn(|k| light(k) * weight)
     };
     (0..rows.len()).map(row).collect()
 }
@@ -146,7 +149,8 @@ fn product(name: &str, model: &Model) {
         .collect();
     let radiosity = &model.solution.radiosity;
     let transport = Transport { rows, spread: &model.spread, albedo: &model.albedo };
-    let both = || (transport.gather(radiosity), gather_stored(&blocks, radiosity).expect("links"));
+    let both =
+        || (transport.gather(radiosity), gather_stored(&blocks, &rows.summaries, radiosity).expect("links"));
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
         pool.install(both)
@@ -174,10 +178,12 @@ fn damage_in_a_stream_is_named() {
     let bytes = glowtree::links::compress::merged::encode(rows, (0, rows.len()));
     let block = Block::new(&bytes, rows.len(), rows.rays).expect("what was written");
     let radiosity = &model.solution.radiosity;
-    assert!(gather_stored(&[block], radiosity).is_ok());
+    assert!(gather_stored(&[block], &rows.summaries, radiosity).is_ok());
     // The last site that any row names is not there any more.
     let most =
         rows.met.iter().filter(|&&met| met < FIRST_MARK).max().copied().expect("rays that hit") as usize;
-    let Err(problem) = gather_stored(&[block], &radiosity[..most]) else { panic!("site {most} is missing") };
+    let Err(problem) = gather_stored(&[block], &rows.summaries, &radiosity[..most]) else {
+        panic!("site {most} is missing")
+    };
     assert!(problem.contains(&format!("names site {most}")), "{problem}");
 }

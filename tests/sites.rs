@@ -34,7 +34,7 @@ fn scatter(
 ) -> Scattered {
     let bvh = Bvh::build(scene);
     let surface = Surface::new(scene, leaf_order(&bvh));
-    let (sites, plots, samples) = Sites::scatter(&surface, params, wanted);
+    let (sites, plots, samples) = Sites::scatter(&surface, params, &[], wanted);
     let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
     Scattered { sites, plots, samples, first, area: surface.area() }
 }
@@ -252,7 +252,7 @@ fn odd_surfaces_get_sites_and_no_panic() {
         part("square", square, 0.5).two_sided(),
     ]);
     let surface = Surface::new(&scene, 0..scene.triangles.len() as u32);
-    let (sites, _, _) = Sites::scatter(&surface, &SiteParams::default(), |_| Some(0.01));
+    let (sites, _, _) = Sites::scatter(&surface, &SiteParams::default(), &[], |_| Some(0.01));
     assert!(sites.positions.iter().chain(&sites.normals).all(|v| v.is_finite()));
     let sum: f64 = sites.areas.iter().map(|a| f64::from(*a)).sum();
     assert!((sum / surface.area() - 1.0).abs() < 1e-4, "{sum} of {}", surface.area());
@@ -275,7 +275,7 @@ fn nothing_that_reflects_means_no_sites() {
     assert_eq!(none.sites.nearest(&at), None);
     let empty = Scene { triangles: vec![], meshes: vec![], vertices: vec![], ..bumpy() };
     let surface = Surface::new(&empty, 0..0);
-    let (sites, plots, _) = Sites::scatter(&surface, &SiteParams::default(), graded);
+    let (sites, plots, _) = Sites::scatter(&surface, &SiteParams::default(), &[], graded);
     assert!(sites.is_empty() && plots.is_empty());
     // Half of it: no site is far inside the other half, and none is missing.
     let half = scatter(&scene, &SiteParams::default(), |c| (c.point.position.x < 0.0).then_some(0.02));

@@ -49,7 +49,7 @@ impl Plan {
         let rays = (256.0 / ease).clamp(48.0, 2048.0) as u32;
         Self {
             sites: SiteParams { seed, ..SiteParams::default() },
-            site_spacing: 0.85,
+            site_spacing: 0.7,
             widest_spacing: 3.0,
             variation: (0.1 * ease) as f32,
             closest: 0.25,
@@ -69,7 +69,7 @@ impl Plan {
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
             interpolation: 0.5 * error,
-            site_error: 6.0 * error,
+            site_error: 10.0 * error,
             own_passes: 2,
             passes: 3,
             target: error,

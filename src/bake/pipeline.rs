@@ -177,7 +177,7 @@ fn lay(grounds: Grounds<'_>, plan: &Plan, placement: &Placement, shadows: Shadow
     };
     // Where surfaces are nearest most sites are: those get what they want, not up to twice as many.
     let sites = SiteParams { met: smallest * plan.site_spacing, ..plan.sites };
-    Layout::new(grounds, plan, &sites, spacing)
+    Layout::new(grounds, plan, (&sites, &placement.places), spacing)
 }
 
 fn solve(

@@ -7,11 +7,9 @@ use super::rows::FIRST_MARK;
 pub fn matrix(sites: usize, receivers: &Receivers, spread: &Spread) -> Vec<Vec<f64>> {
     let mut gather = vec![vec![0.0; sites]; receivers.len()];
     for (r, row) in gather.iter_mut().enumerate() {
-        let met = receivers.rows.row(r);
-        let lost = met.iter().filter(|&&m| m == super::rows::LOST).count();
-        let live = (met.len() - lost).max(1) as f64;
-        for &m in met.iter().filter(|&&m| m < FIRST_MARK) {
-            row[m as usize] += 1.0 / live;
+        let weight = f64::from(receivers.rows.weight(r));
+        for &m in receivers.rows.row(r).iter().filter(|&&m| m < FIRST_MARK) {
+            row[m as usize] += weight;
         }
     }
     (0..sites)

@@ -50,8 +50,8 @@ const COARSEST: f64 = 64.0;
 pub struct Placement {
     /// Their points and radii.
     pub index: SupportIndex,
-    /// Where each lies: triangle, barycentric (u, v), back.
-    pub places: Vec<(u32, [f32; 2], bool)>,
+    /// Where each lies.
+    pub places: Vec<Candidate>,
     /// Their rays' ends.
     pub raw: RawRows,
     /// Points inside solids, with the radius in which they speak for others.
@@ -134,7 +134,7 @@ impl Placement {
     fn follow_light(&mut self, scene: &Scene, sources: &Sources<'_>) {
         let mut lit: Vec<[bool; 2]> = sources.glowing.iter().map(|&g| [g; 2]).collect();
         let rays = self.raw.rays as usize;
-        let own = |r: usize| (scene.mesh_of(self.places[r].0), usize::from(self.places[r].2));
+        let own = |r: usize| (scene.mesh_of(self.places[r].triangle), usize::from(self.places[r].back));
         let shone: Vec<bool> = self.index.supports().par_iter().map(|s| (sources.shines)(&s.point)).collect();
         for (r, shone) in shone.into_iter().enumerate() {
             let (mesh, side) = own(r);
@@ -229,7 +229,7 @@ impl Placement {
                 self.dead.push(Support { radius: radius.min(BURIED_SPACINGS * growth.spacing), ..support });
             } else {
                 self.index.push(support);
-                self.places.push((candidate.triangle, candidate.barycentric, candidate.back));
+                self.places.push(*candidate);
                 self.raw.push(&fresh, k);
             }
         }

@@ -17,7 +17,7 @@ use crate::scene::Scene;
 pub const SKY: u32 = u32::MAX;
 /// The ray met the black back of a one-sided surface.
 pub const BLACK: u32 = u32::MAX - 1;
-/// The ray met a surface that no live site speaks for; the row is renormalised without it.
+/// The ray met a surface that no live site speaks for; it counts as the mean of those that met others.
 pub const LOST: u32 = u32::MAX - 2;
 /// Values from here on are not sites.
 pub const FIRST_MARK: u32 = LOST;
@@ -48,6 +48,13 @@ impl RowSummary {
     /// The harmonic mean of the hit distances; infinite where nothing was hit.
     pub fn harmonic_distance(&self) -> f32 {
         if self.hits == 0 { f32::INFINITY } else { self.hits as f32 / self.inverse_distance.max(1e-30) }
+    }
+
+    /// The weight of a site in a row of so many rays, some of them lost.
+    pub fn weight(&self, rays: u32, lost: u32) -> f32 {
+        let surfaces = rays.saturating_sub(self.escaped);
+        let known = surfaces.saturating_sub(lost).max(1);
+        surfaces as f32 / (known as f32 * rays as f32)
     }
 
     /// Whether the receiver sits inside a solid: most of what it sees are backs.
@@ -183,9 +190,11 @@ impl Rows {
         RawRows::single((around.scene, around.bvh), point, key, rays).resolve(around)
     }
 
-    /// How many of a row's rays were not lost, at least one: what the row is divided by.
-    pub fn live(&self, receiver: usize) -> f32 {
-        self.row(receiver).iter().filter(|&&met| met != LOST).count().max(1) as f32
+    /// The weight of each of a row's sites, so that lost rays count as the mean of the others that met surfaces: rows of
+    /// closed scenes stay whole, and nothing lost looks like sky.
+    pub fn weight(&self, receiver: usize) -> f32 {
+        let lost = self.row(receiver).iter().filter(|&&met| met == LOST).count() as u32;
+        self.summaries[receiver].weight(self.rays, lost)
     }
 }
 

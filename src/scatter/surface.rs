@@ -282,6 +282,15 @@ impl Piece {
         let bits = 63 - self.path.leading_zeros();
         (self.back, self.first, (self.path ^ (1 << bits)) << (60 - bits))
     }
+
+    /// Where the piece ends in the order of [`Piece::place`].
+    pub fn end(&self) -> (bool, u32, u64) {
+        if self.path == 1 {
+            return (self.back, self.last, 0);
+        }
+        let (back, first, path) = self.place();
+        (back, first, path + (1 << (60 - (63 - self.path.leading_zeros()))))
+    }
 }
 
 impl Candidate {

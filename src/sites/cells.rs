@@ -20,7 +20,7 @@ use crate::scene::Scene;
 /// Edge of a cell in spacings. Larger cells blur the borders between sites, smaller ones cost memory by the square.
 const CELL_SPACINGS: f32 = 1.0;
 
-/// Nearest sites tried for visibility before the nearest is taken unseen.
+/// Nearest sites tried for visibility before a cell is left without one.
 const TRIES: usize = 8;
 
 /// Quarterings within one slot at the most.
@@ -51,7 +51,7 @@ pub enum Said {
     Site(SiteId),
     /// Nothing reflects here.
     Dead,
-    /// No site is near.
+    /// No site that is near is visible from here.
     Nobody,
 }
 
@@ -241,8 +241,7 @@ pub(super) fn centres(depth: u32) -> impl Iterator<Item = [f32; 2]> {
 }
 
 impl Ground<'_> {
-    /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean, if there
-    /// is one.
+    /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean.
     pub fn represent(&self, point: &SurfacePoint) -> Option<SiteId> {
         let site = self.sites.nearest(point)?;
         if self.graph.unclean(site) { self.visible(point, site) } else { Some(site) }
@@ -264,10 +263,7 @@ impl Ground<'_> {
         let mut near: Vec<(f32, SiteId)> = vec![];
         self.sites.visit_matching(point, |site, value| near.push((value, site)));
         near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        // Seen from nowhere, as in the clefts of a scan, a bit of surface still is most like the surface next to it: lost
-        // rays would be replaced by the mean of the others, sky included.
-        let next = near.first().map(|n| n.1);
-        near.into_iter().take(TRIES).skip(1).map(|n| n.1).find(|&site| self.sees(point, site)).or(next)
+        near.into_iter().take(TRIES).skip(1).map(|n| n.1).find(|&site| self.sees(point, site))
     }
 }
 

@@ -46,22 +46,18 @@ pub struct NeighbourReport {
     pub elapsed_seconds: f64,
 }
 
-/// Whether two surface points see each other: straight, or both lifted along their own normals by a share of their distance,
-/// at most `limit`. Small bumps between them do not count as walls, sheets that lie close to each other do, and nobody is
-/// lifted through a surface.
+/// Whether two surface points see each other, both lifted along their own normals by a share of their distance, at most
+/// `limit`: small bumps between them do not count as walls, sheets that lie close to each other do. Where a lift would go
+/// through a surface, none is made.
 pub fn mutually_visible(a: SurfacePoint, b: SurfacePoint, limit: f32, bvh: &Bvh) -> bool {
     let ends = |lift: f32| [a.position + a.normal * lift, b.position + b.normal * lift];
-    let [from, to] = ends(LIFT);
     // Ends that coincide but for rounding have nothing between them.
-    let clear = |from: Vec3, to: Vec3| {
+    let clear = |[from, to]: [Vec3; 2]| {
         from.distance_squared(to) <= LIFT * LIFT || !bvh.occluded(&Ray::between(from, to))
     };
-    if clear(from, to) {
-        return true;
-    }
-    let lift = (LINK_LIFT * a.position.distance(b.position)).min(limit);
-    let [above, there] = ends(lift);
-    lift > LIFT && clear(above, there) && clear(from, above) && clear(to, there)
+    let lift = (LINK_LIFT * a.position.distance(b.position)).min(limit).max(LIFT);
+    let (low, high) = (ends(LIFT), ends(lift));
+    clear(high) && (lift <= LIFT || [0, 1].iter().all(|&k| clear([low[k], high[k]])) || clear(low))
 }
 
 impl Neighbours {

@@ -57,7 +57,7 @@ impl Field<'_> {
         let row = Rows::single(problem.around, &at, key, LOOK);
         let mut seen = Vec::with_capacity(LOOK as usize);
         problem.look((&row, 0), at.normal, &self.solution.radiosity, &mut seen);
-        let indirect = seen.into_iter().sum::<Rgb>() / row.live(0);
+        let indirect = seen.into_iter().sum::<Rgb>() / LOOK as f32;
         let shadows = DirectParams { first: 1, penumbra: 1, ..self.params.direct };
         let query = Query { point: at, site: Some(met), rugged: true, key };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &shadows, &query);

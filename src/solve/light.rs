@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::{Problem, Solution};
 use crate::light::{Rgb, mean_channel};
-use crate::links::rows::{self, Directions, FIRST_MARK, LatticePoint, Rows, SKY};
+use crate::links::rows::{self, Directions, FIRST_MARK, LOST, LatticePoint, Rows, SKY};
 
 /// The light that a receiver's row brings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +68,7 @@ impl Problem<'_> {
                 let of_sky = |(at, &met): (&LatticePoint, &u32)| {
                     (met == SKY).then(|| self.ray_light(SKY, || directions.at(*at), &[]))
                 };
-                lattice.iter().zip(rows.row(r)).filter_map(of_sky).sum::<Rgb>() / rows.live(r)
+                lattice.iter().zip(rows.row(r)).filter_map(of_sky).sum::<Rgb>() / rows.rays as f32
             })
             .collect()
     }
@@ -85,7 +85,7 @@ impl Problem<'_> {
         RowLight::new((rows, r), normal, seen)
     }
 
-    /// What every ray of a row brings, in lattice order.
+    /// What every ray of a row brings, in lattice order; lost rays bring the mean of the others that met surfaces.
     pub(super) fn look(
         &self,
         (rows, r): (&Rows, usize),
@@ -98,6 +98,12 @@ impl Problem<'_> {
         let light = |(at, &met): (&LatticePoint, &u32)| self.ray_light(met, || directions.at(*at), radiosity);
         seen.clear();
         seen.extend(lattice.iter().zip(rows.row(r)).map(light));
+        let met = rows.row(r);
+        if met.contains(&LOST) {
+            let known = || seen.iter().zip(met).filter(|(_, met)| **met != SKY && **met != LOST);
+            let mean = known().map(|(light, _)| *light).sum::<Rgb>() / known().count().max(1) as f32;
+            seen.iter_mut().zip(met).filter(|(_, met)| **met == LOST).for_each(|(light, _)| *light = mean);
+        }
     }
 }
 
@@ -106,8 +112,7 @@ impl RowLight {
     pub(super) fn new((rows, r): (&Rows, usize), normal: Vec3, seen: &[Rgb]) -> Self {
         let directions = Directions::new(normal, rows.keys[r], rows.rays);
         let lattice = rows::lattice(rows.rays);
-        let live = rows.live(r);
-        let irradiance = seen.iter().copied().sum::<Rgb>() / live;
+        let irradiance = seen.iter().copied().sum::<Rgb>() / rows.rays as f32;
         let mut gradient = Mat3::ZERO;
         for (at, light) in lattice.iter().zip(seen) {
             let direction = directions.at(*at);
@@ -123,7 +128,7 @@ impl RowLight {
             irradiance,
             gradient: gradient * (1.0 / rows.rays as f32),
             sky_visibility: rows.summaries[r].escaped as f32 / rows.rays as f32,
-            noise: lattice_gain(rows.rays) * square.sqrt() / live,
+            noise: lattice_gain(rows.rays) * square.sqrt() / rows.rays as f32,
         }
     }
 }

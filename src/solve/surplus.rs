@@ -67,8 +67,8 @@ impl Problem<'_> {
             .collect()
     }
 
-    /// The sites whose own rows would bring the error of sites below `limit`, a relative RMS error weighed by how much
-    /// surfaces exchange light there: those that claim the most, as few as it takes.
+    /// The sites that see no receiver, and those whose own rows would bring the error of sites below `limit`, a relative RMS
+    /// error weighed by how much surfaces exchange light there: those that claim the most, as few as it takes.
     pub fn doubtful_sites(&self, solution: &Solution, limit: f64) -> Vec<u32> {
         let exchange = self.exchange();
         let mut stakes: Vec<(f64, u32)> = (0..self.around.sites.len())
@@ -77,16 +77,19 @@ impl Problem<'_> {
             .map(|site| {
                 let point = self.around.sites.point(SiteId(site as u32));
                 let near = self.spread.receivers_of(site);
+                if near.is_empty() {
+                    return (f64::INFINITY, site as u32);
+                }
                 let claimed = field::claimed(self.receivers, solution, &point, near).min(solution.level);
                 (exchange[site] * f64::from(claimed).powi(2), site as u32)
             })
             .collect();
         let allowed = (limit * f64::from(solution.level)).powi(2) * exchange.iter().sum::<f64>();
-        let mut left: f64 = stakes.iter().map(|s| s.0).sum();
+        let mut left: f64 = stakes.iter().map(|s| s.0).filter(|s| s.is_finite()).sum();
         stakes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let above = |stake: &&(f64, u32)| {
-            let ask = left > allowed;
-            left -= stake.0;
+            let ask = left > allowed || stake.0.is_infinite();
+            left -= if stake.0.is_finite() { stake.0 } else { 0.0 };
             ask
         };
         let mut chosen: Vec<u32> = stakes.iter().take_while(above).map(|s| s.1).collect();

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::light::Rgb;
 use crate::links::compress::merged::{Block, RUN};
 use crate::links::receivers::Spread;
-use crate::links::rows::{BLACK, LOST, Rows, SKY};
+use crate::links::rows::{BLACK, LOST, RowSummary, Rows, SKY};
 
 /// The linear map from irradiance at receivers to irradiance at receivers, one bounce later.
 ///
@@ -60,7 +60,7 @@ impl Transport<'_> {
                 for part in self.rows.row(r).chunks(PART) {
                     sum.add(part.iter().fold([0.0; 4], |sum, &met| plus(sum, slots.of(met))));
                 }
-                sum.mean()
+                sum.mean(self.rows.rays, self.rows.summaries[r].escaped)
             })
             .collect()
     }
@@ -75,17 +75,28 @@ impl Transport<'_> {
 ///
 /// The same rows as [`Transport::gather`] has, hence the same sums but for rounding, and the same for any number of threads.
 /// Errors with a description when a block is damaged.
-pub fn gather_stored(blocks: &[Block<'_>], radiosity: &[Rgb]) -> Result<Vec<Rgb>, String> {
+pub fn gather_stored(
+    blocks: &[Block<'_>],
+    summaries: &[RowSummary],
+    radiosity: &[Rgb],
+) -> Result<Vec<Rgb>, String> {
     let slots = Slots::new(radiosity);
     let mut irradiance = vec![Rgb::ZERO; blocks.iter().map(Block::rows).sum()];
+    if summaries.len() != irradiance.len() {
+        return Err(format!("{} summaries of {} rows", summaries.len(), irradiance.len()));
+    }
     let mut rest = irradiance.as_mut_slice();
+    let mut ahead = summaries;
     let mut runs = Vec::new();
     for block in blocks {
         let (own, others) = rest.split_at_mut(block.rows());
-        runs.extend(own.chunks_mut(RUN).enumerate().map(|(run, out)| (block, run, out)));
-        rest = others;
+        let (told, further) = ahead.split_at(block.rows());
+        runs.extend(
+            own.chunks_mut(RUN).zip(told.chunks(RUN)).enumerate().map(|(run, out)| (block, run, out)),
+        );
+        (rest, ahead) = (others, further);
     }
-    runs.into_par_iter().try_for_each(|(block, run, out)| {
+    runs.into_par_iter().try_for_each(|(block, run, (out, told))| {
         let link = |sum: &mut Sum, site: u32, count: u32| match slots.0.get(site as usize) {
             Some(&slot) if (site as usize) < radiosity.len() => {
                 sum.link(slot, count as f32);
@@ -94,8 +105,10 @@ pub fn gather_stored(blocks: &[Block<'_>], radiosity: &[Rgb]) -> Result<Vec<Rgb>
             _ => false,
         };
         let row = |r: usize, mut sum: Sum, lost: u32| {
-            sum.0[3] = f64::from(block.rays().saturating_sub(lost));
-            out[r - run * RUN] = sum.mean();
+            let summary = &told[r - run * RUN];
+            let known = block.rays().saturating_sub(lost).saturating_sub(summary.escaped);
+            sum.0[3] = f64::from(known);
+            out[r - run * RUN] = sum.mean(block.rays(), summary.escaped);
         };
         block.fold(run, link, row)
     })?;
@@ -108,7 +121,7 @@ const PART: usize = 16;
 /// Marks are the last three numbers, in this order: [`Slots::of`] counts on it.
 const _: () = assert!(LOST == u32::MAX - 2 && BLACK == u32::MAX - 1 && SKY == u32::MAX);
 
-/// What entries of rows stand for: a site's radiosity and one live ray; nothing and a live ray; nothing at all. Marks are
+/// What entries of rows stand for: a site's radiosity and one ray that met a known surface; nothing and such a ray; nothing. Marks are
 /// slots like any other, so that no entry needs a branch.
 struct Slots(Vec<[f32; 4]>);
 
@@ -116,7 +129,7 @@ impl Slots {
     fn new(radiosity: &[Rgb]) -> Self {
         let sites = radiosity.iter().map(|b| [b.x, b.y, b.z, 1.0]);
         // In the order of the marks' numbers: lost, black, sky.
-        Self(sites.chain([[0.0; 4], [0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]]).collect())
+        Self(sites.chain([[0.0; 4], [0.0, 0.0, 0.0, 1.0], [0.0; 4]]).collect())
     }
 
     #[inline]
@@ -126,7 +139,7 @@ impl Slots {
     }
 }
 
-/// Sums of three channels and of live rays.
+/// Sums of three channels and of rays that met known surfaces.
 #[derive(Default)]
 struct Sum([f64; 4]);
 
@@ -140,10 +153,11 @@ impl Sum {
         self.0.iter_mut().zip(slot).for_each(|(sum, slot)| *sum += f64::from(slot * count));
     }
 
-    fn mean(&self) -> Rgb {
-        let [x, y, z, live] = self.0;
-        let live = live.max(1.0);
-        Rgb::new((x / live) as f32, (y / live) as f32, (z / live) as f32)
+    /// The row's value; lost rays count as the mean of those that met known surfaces.
+    fn mean(&self, rays: u32, escaped: u32) -> Rgb {
+        let [x, y, z, known] = self.0;
+        let weight = f64::from(rays.saturating_sub(escaped)) / (known.max(1.0) * f64::from(rays.max(1)));
+        Rgb::new((x * weight) as f32, (y * weight) as f32, (z * weight) as f32)
     }
 }
 

@@ -63,11 +63,11 @@ impl Layout {
     pub fn new(
         grounds: Grounds<'_>,
         plan: &Plan,
-        sites: &SiteParams,
+        (sites, heard): (&SiteParams, &[Candidate]),
         spacing: impl Fn(&Candidate) -> Option<f32> + Sync,
     ) -> Self {
         let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
-        let (sites, plots, samples) = Sites::scatter(surface, sites, spacing);
+        let (sites, plots, samples) = Sites::scatter(surface, sites, heard, spacing);
         let (graph, linked) = Neighbours::link(&sites, bvh);
         let cells = Cells::new(surface, &plots);
         let means = means(&sites, &samples);

@@ -1,8 +1,8 @@
 //! Rows as links: per row the sites met, ascending, and by how many rays each; in runs that are read on their own.
 //!
 //! Sites are in Morton order and a row's lie in clumps, so that the difference of one to the next is mostly small: an
-//! exponential Golomb code with the row's best k, and the count by a code of its own. A weight is the count over the row's
-//! live rays: an exact small whole number, so that rows are closed as they were and nothing is lost.
+//! exponential Golomb code with the row's best k, and the count by a code of its own. A weight is the count, an
+//! exact small whole number, times the row's own factor: rows stay closed and nothing is lost.
 
 use rayon::prelude::*;
 
