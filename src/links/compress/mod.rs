@@ -5,6 +5,7 @@
 
 pub mod bits;
 pub mod coins;
+mod disc;
 pub mod merged;
 pub mod order;
 
