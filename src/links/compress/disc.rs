@@ -1,10 +1,11 @@
-//! The links of a row on the disc that its rays fill evenly, in a grid, and which of them a ray is likely to have met.
+//! The links of a row on the disc that its rays fill evenly, and which of them a ray is likely to have met.
 //!
 //! A cosine-distributed row is even on the unit disc under the hemisphere, and turned back by its key it is the same lattice in
-//! every row: rays have fixed places and fixed cells. A ray looks at the links in its cell and the eight around: the
-//! likeliest is the one of the least squared distance over the rays it still has, as a link's share of the disc grows with its rays.
+//! every row: rays have fixed places and fixed cells of a grid. A ray looks at the links [`NEAR`] to it in its own row of
+//! cells and in the two beside; the likeliest is the one of the least squared distance over all its rays, as a link's share
+//! of the disc grows with them. It is always the same number of links, so that nothing branches.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec3, Vec4, Vec4Swizzles};
 
 use super::merged::Merged;
 use crate::links::rows::lattice;
@@ -12,24 +13,27 @@ use crate::links::rows::lattice;
 /// Links compared at a time.
 const LANES: usize = 4;
 
-/// Where links without rays left are moved to.
-const FAR: f32 = 1e6;
+/// Links that a ray looks at in a row of cells.
+const NEAR: usize = 2 * LANES;
 
-/// Keys of links that have rays left are below that of this squared distance.
-const NO_LINK: f32 = 8_388_608.0;
+/// Rays to a cell: three rows of cells are 0.5 rad wide with 341 rays, where most links are within two cells.
+const RAYS_A_CELL: f32 = 2.2;
 
-/// Numbers of the lanes.
-const LANE: Vec4 = Vec4::new(0.0, 1.0, 2.0, 3.0);
+/// How far away slots without a link, or whose rays are all accounted for, are.
+const FAR: f32 = 1e9;
 
-/// Rays to a cell of the grid.
-const RAYS_A_CELL: f32 = 1.7;
+/// Keys of links that have rays left are below this.
+const NO_LINK: f32 = 1e6;
+
+/// Keeps what rounding leaves of a squared distance positive.
+const ROUNDING: f32 = 2e-6;
 
 /// Where the rays of a row lie, and in which cell.
 #[derive(Debug, Clone, Default)]
 pub struct Places {
     /// On the hemisphere over the disc.
     pub rays: Vec<Ray>,
-    /// Cells in a row of the grid, with one of border on either side.
+    /// Cells in a row of the grid; two rows more are its border.
     side: usize,
     /// Cells a unit.
     scale: f32,
@@ -46,40 +50,32 @@ impl Places {
     /// Of rows of so many rays.
     pub fn new(rays: u32) -> Self {
         let scale = (rays as f32 / (RAYS_A_CELL * std::f32::consts::PI)).sqrt().max(1.0);
-        let mut places = Self { rays: Vec::new(), side: (2.0 * scale) as usize + 3, scale };
+        let mut places = Self { rays: Vec::new(), side: (2.0 * scale) as usize + 1, scale };
         let place = |[x, y]: [f32; 2]| {
             let at = Vec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt());
             Ray { at, cell: places.cell(at) }
         };
+        // The row's own shift is a part of a ray's share of the disc: its mean will do.
         places.rays = lattice(rays).iter().map(|point| place(point.on_disc(0.5 / rays as f32))).collect();
         places
     }
 
+    #[inline(always)]
     fn cell(&self, at: Vec3) -> u32 {
-        // Rounding may put a place at ±1 beyond the last cell but one.
-        let along = |x: f32| (((x + 1.0) * self.scale) as u32).min(self.side as u32 - 3) + 1;
-        along(at.y) * self.side as u32 + along(at.x)
+        let along = |x: f32| (((x + 1.0) * self.scale) as u32).min(self.side as u32 - 1);
+        (along(at.y) + 1) * self.side as u32 + along(at.x)
     }
 }
 
-/// What a ray has around it.
+/// What a ray has near it.
 #[derive(Debug, Clone, Copy)]
 pub struct Choice {
-    /// Key of the likeliest link, and of the next.
+    /// Key of the likeliest link.
     pub best: u32,
     /// The next likeliest's.
     pub second: u32,
-    spans: [(u32, u32); 3],
+    begins: [u32; 3],
     at: Vec3,
-}
-
-/// Which links are ranked.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Reach {
-    /// Those of the ray's cell and the eight around.
-    Near,
-    /// All of the row.
-    All,
 }
 
 impl Choice {
@@ -89,19 +85,30 @@ impl Choice {
     }
 }
 
+/// Which links are ranked.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reach {
+    /// Those near the ray.
+    Near,
+    /// All of the row.
+    All,
+}
+
 /// The links of a row, by cell. A link's number is its slot; its key for a ray is how unlikely it is, then its slot.
 #[derive(Debug, Default)]
 pub struct Disc {
-    /// Of the cells, one more at the end.
+    /// Of every cell: its links, its next free slot, and the first slot that its rays look at.
+    numbers: Vec<u32>,
     starts: Vec<u32>,
+    begins: Vec<u32>,
+    /// Of every slot: the way to the site, times twice the weight, one over the link's rays; and twice the weight.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
-    /// One over the rays of all.
     weight: Vec<f32>,
     left: Vec<u32>,
     sites: Vec<u32>,
-    /// By fours: how many links have rays left.
+    /// By fours of slots: how many links have rays left.
     blocks: Vec<u8>,
     /// Bits of a key that are the slot.
     slot_bits: u32,
@@ -114,55 +121,71 @@ pub struct Disc {
 }
 
 impl Disc {
-    /// Lays out a row's links seen from a point with this frame.
+    /// Lays out a row's links seen from a point with this frame; `slot(site, slot)` hears of each.
     pub fn set(
         &mut self,
         places: &Places,
         merged: &Merged,
         (from, frame): (Vec3, [Vec3; 3]),
         positions: &[Vec3],
+        mut slot: impl FnMut(u32, u32),
     ) {
-        let n = merged.sites.len();
-        self.starts.clear();
-        self.starts.resize(places.side * places.side + 2, 0);
+        self.numbers.clear();
+        self.numbers.resize(places.side * (places.side + 2), 0);
         self.room.clear();
-        for &site in &merged.sites {
-            let way = (positions[site as usize] - from).normalize_or_zero();
+        self.room.extend(merged.sites.iter().map(|&site| {
+            let way = positions[site as usize] - from;
             let at = Vec3::new(way.dot(frame[0]), way.dot(frame[1]), way.dot(frame[2]));
-            let cell = places.cell(at);
-            self.starts[cell as usize + 2] += 1;
-            self.room.push((at, cell));
-        }
-        let mut sum = 0;
-        for start in &mut self.starts {
-            sum += *start;
-            *start = sum;
-        }
-        for lane in [&mut self.x, &mut self.y, &mut self.z, &mut self.weight] {
-            lane.resize(n + LANES, FAR);
-        }
-        self.left.resize(n, 0);
-        self.sites.resize(n, 0);
-        self.rays = 0;
+            let at = at * (1.0 / at.length().max(f32::MIN_POSITIVE));
+            (at, places.cell(at))
+        }));
+        self.room.iter().for_each(|&(_, cell)| self.numbers[cell as usize] += 1);
+        self.lay_out(places);
+        (self.rays, self.live) = (0, merged.sites.len() as u32);
         for (k, &(at, cell)) in self.room.iter().enumerate() {
-            let start = &mut self.starts[cell as usize + 1];
-            let slot = *start as usize;
+            let start = &mut self.starts[cell as usize];
+            let own = *start as usize;
             *start += 1;
-            (self.x[slot], self.y[slot], self.z[slot]) = (at.x, at.y, at.z);
-            (self.left[slot], self.sites[slot]) = (merged.counts[k], merged.sites[k]);
-            self.weight[slot] = 1.0 / merged.counts[k] as f32;
+            let weight = 2.0 / merged.counts[k] as f32;
+            (self.x[own], self.y[own], self.z[own]) = (at.x * weight, at.y * weight, at.z * weight);
+            self.weight[own] = weight + ROUNDING;
+            (self.left[own], self.sites[own]) = (merged.counts[k], merged.sites[k]);
+            self.blocks[own / LANES] += 1;
             self.rays += merged.counts[k];
+            slot(merged.sites[k], own as u32);
         }
-        self.live = n as u32;
-        self.blocks.clear();
-        self.blocks.resize(n / LANES, LANES as u8);
-        self.blocks.push((n % LANES) as u8);
-        self.slot_bits = (n as u32 + LANES as u32).next_power_of_two() - 1;
     }
 
-    /// The slots' sites.
-    pub fn sites(&self) -> &[u32] {
-        &self.sites
+    /// Gives every cell its slots, with room after every row of cells, and all slots no link.
+    fn lay_out(&mut self, places: &Places) {
+        self.starts.clear();
+        self.begins.clear();
+        let mut next = 0;
+        for row in self.numbers.chunks_exact(places.side) {
+            let first = next;
+            for &number in row {
+                self.starts.push(next);
+                next += number;
+            }
+            let last = (next - first).saturating_sub(NEAR as u32) + first;
+            let starts = &self.starts[self.starts.len() - row.len()..];
+            let begin = |(start, number): (&u32, &u32)| {
+                (start + number / 2).saturating_sub(NEAR as u32 / 2).clamp(first, last)
+            };
+            self.begins.extend(starts.iter().zip(row).map(begin));
+            next += NEAR as u32;
+        }
+        let slots = next as usize;
+        for axis in [&mut self.x, &mut self.y, &mut self.z] {
+            axis.resize(slots, 0.0);
+        }
+        self.weight.clear();
+        self.weight.resize(slots, FAR);
+        self.left.resize(slots, 0);
+        self.sites.resize(slots, 0);
+        self.blocks.clear();
+        self.blocks.resize(slots / LANES + 1, 0);
+        self.slot_bits = next.next_power_of_two() - 1;
     }
 
     /// The slot of a key.
@@ -170,82 +193,74 @@ impl Disc {
         (key & self.slot_bits) as usize
     }
 
+    /// Keys of four slots.
     #[inline(always)]
-    fn key(&self, slot: usize, at: Vec3) -> u32 {
-        let (x, y, z) = (self.x[slot] - at.x, self.y[slot] - at.y, self.z[slot] - at.z);
-        ((x * x + y * y + z * z) * self.weight[slot]).to_bits() & !self.slot_bits | slot as u32
+    fn keys(&self, first: usize, at: Vec3) -> Vec4 {
+        let along = four(&self.x, first) * at.x + four(&self.y, first) * at.y + four(&self.z, first) * at.z;
+        let unlikely = (four(&self.weight, first) - along).to_array();
+        let key = |l: usize| f32::from_bits(unlikely[l].to_bits() & !self.slot_bits | (first + l) as u32);
+        Vec4::new(key(0), key(1), key(2), key(3))
     }
 
-    /// Keys of the slots of a span, by fours; beyond its end they are [`NO_LINK`].
-    #[inline(always)]
-    fn keys(&self, (start, end): (u32, u32), at: Vec3, mut take: impl FnMut(Vec4)) {
-        let (mut k, end) = (start as usize, end as usize);
-        let (x, y, z) = (Vec4::splat(at.x), Vec4::splat(at.y), Vec4::splat(at.z));
-        while k < end {
-            let (x, y, z) = (four(&self.x, k) - x, four(&self.y, k) - y, four(&self.z, k) - z);
-            let unlikely = ((x * x + y * y + z * z) * four(&self.weight, k)).to_array();
-            let key = |l: usize| f32::from_bits(unlikely[l].to_bits() & !self.slot_bits | (k + l) as u32);
-            let keys = Vec4::new(key(0), key(1), key(2), key(3));
-            take(Vec4::select(LANE.cmplt(Vec4::splat((end - k) as f32)), keys, Vec4::splat(NO_LINK)));
-            k += LANES;
-        }
-    }
-
-    /// The likeliest links around a ray.
+    /// The likeliest links near a ray.
     #[inline(always)]
     pub fn choice(&self, places: &Places, ray: Ray) -> Choice {
         let cell = ray.cell as usize;
-        let spans = [cell - places.side, cell, cell + places.side].map(|row| self.span(row));
-        let (mut best, mut second) = (Vec4::splat(NO_LINK), Vec4::splat(NO_LINK));
-        for span in spans {
-            self.keys(span, ray.at, |keys| {
+        let begins = [cell - places.side, cell, cell + places.side].map(|cell| self.begins[cell]);
+        let (mut best, mut second) = (Vec4::splat(FAR), Vec4::splat(FAR));
+        for begin in begins {
+            for first in [begin as usize, begin as usize + LANES] {
+                let keys = self.keys(first, ray.at);
                 second = second.min(best.max(keys));
                 best = best.min(keys);
-            });
+            }
         }
-        let (lanes, seconds) = (best.to_array(), second.to_array());
-        let mut choice = Choice { best: lanes[0].to_bits(), second: seconds[0].to_bits(), spans, at: ray.at };
-        for l in 1..LANES {
-            let (best, second) = (lanes[l].to_bits(), seconds[l].to_bits());
-            choice.second = choice.second.min(choice.best.max(best)).min(second);
-            choice.best = choice.best.min(best);
+        for turn in [Vec4::zwxy, Vec4::yxwz] {
+            let others = turn(best);
+            second = second.min(turn(second)).min(best.max(others));
+            best = best.min(others);
         }
-        choice
-    }
-
-    #[inline(always)]
-    fn span(&self, middle: usize) -> (u32, u32) {
-        (self.starts[middle - 1], self.starts[middle + 2])
+        Choice { best: best.x.to_bits(), second: second.x.to_bits(), begins, at: ray.at }
     }
 
     /// Keys of the links within reach of a ray, by fours.
     #[inline(always)]
     fn within(&self, choice: &Choice, reach: Reach, mut take: impl FnMut(Vec4)) {
         if reach == Reach::Near {
-            choice.spans.iter().for_each(|&span| self.keys(span, choice.at, &mut take));
+            for begin in choice.begins {
+                take(self.keys(begin as usize, choice.at));
+                take(self.keys(begin as usize + LANES, choice.at));
+            }
             return;
         }
-        let all = self.sites.len() as u32;
-        for (block, _) in self.blocks.iter().enumerate().filter(|(_, live)| **live > 0) {
-            let first = (block * LANES) as u32;
-            self.keys((first, all.min(first + LANES as u32)), choice.at, &mut take);
+        for (block, &live) in self.blocks.iter().enumerate() {
+            if live > 0 {
+                take(self.keys(block * LANES, choice.at));
+            }
         }
     }
 
     /// Whether a slot is near a ray.
     pub fn is_near(&self, choice: &Choice, slot: usize) -> bool {
-        choice.spans.iter().any(|&(start, end)| (start..end).contains(&(slot as u32)))
+        choice.begins.iter().any(|&begin| (slot as u32).wrapping_sub(begin) < NEAR as u32)
     }
 
     /// How many links within reach of a ray are likelier than a slot's.
     pub fn rank(&self, choice: &Choice, (reach, slot): (Reach, usize)) -> u32 {
-        let (own, mut rank) = (Vec4::splat(f32::from_bits(self.key(slot, choice.at))), 0);
+        let block = self.keys(slot / LANES * LANES, choice.at);
+        let (own, mut rank) = (Vec4::splat(block.to_array()[slot % LANES]), 0);
         self.within(choice, reach, |keys| rank += keys.cmplt(own).bitmask().count_ones());
         rank
     }
 
     /// The slot that so many within reach of a ray are likelier than.
     pub fn ranked(&mut self, choice: &Choice, (reach, rank): (Reach, u32)) -> Option<usize> {
+        if rank == 0 {
+            let mut best = Vec4::splat(FAR);
+            self.within(choice, reach, |keys| best = best.min(keys));
+            let best = best.min_element();
+            return (best < NO_LINK).then(|| self.slot(best.to_bits()));
+        }
         let mut found = std::mem::take(&mut self.keys);
         found.clear();
         self.within(choice, reach, |keys| {
@@ -262,7 +277,7 @@ impl Disc {
         self.left[slot] -= 1;
         self.rays -= 1;
         if self.left[slot] == 0 {
-            self.x[slot] = FAR;
+            self.weight[slot] = FAR;
             self.live -= 1;
             self.blocks[slot / LANES] -= 1;
         }

@@ -148,12 +148,12 @@ impl<C: Coder> Walk<C> {
     ) -> Result<(), String> {
         let at = view.supports[receiver].point;
         let frame = Directions::new(at.normal, key, row.len() as u32).frame();
-        self.disc.set(&self.places, merged, (at.position, frame), view.positions);
-        if C::WRITES {
-            for (slot, site) in self.disc.sites().iter().enumerate() {
-                slots[*site as usize] = slot as u32;
+        let note = |site, slot| {
+            if C::WRITES {
+                slots[site as usize] = slot;
             }
-        }
+        };
+        self.disc.set(&self.places, merged, (at.position, frame), view.positions, note);
         let mut marks = row.len() as u32 - self.disc.rays;
         let (mut before, mut last_mark, mut sure) = (7, 0, 1);
         let rays = row.len() as u32;
