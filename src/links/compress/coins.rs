@@ -172,7 +172,7 @@ mod tests {
         let answer = |i: u64| match i % 3 {
             0 => !hash::mix2(1, i).is_multiple_of(8),
             1 => hash::mix2(2, i).is_multiple_of(64),
-            _ => i / 5000 % 2 == 0,
+            _ => (i / 5000).is_multiple_of(2),
         };
         let mut coder = Writer::default();
         let mut coins = [Coin::default(); 3];

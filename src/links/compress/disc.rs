@@ -16,7 +16,8 @@ const LANES: usize = 4;
 /// Links that a ray looks at in a row of cells.
 const NEAR: usize = 2 * LANES;
 
-/// Rays to a cell: three rows of cells are 0.5 rad wide with 341 rays, where most links are within two cells.
+/// Rays to a cell. With 1.7 to 4 the order of three scenes takes the same within 5 %; smaller cells make more links be sought
+/// among all, larger ones put nearer ones out of sight.
 const RAYS_A_CELL: f32 = 2.2;
 
 /// How far away slots without a link, or whose rays are all accounted for, are.
@@ -137,6 +138,8 @@ impl Disc {
             let way = positions[site as usize] - from;
             let at = Vec3::new(way.dot(frame[0]), way.dot(frame[1]), way.dot(frame[2]));
             let at = at * (1.0 / at.length().max(f32::MIN_POSITIVE));
+            // What is no direction may be anywhere, but must be a number.
+            let at = if at.is_finite() { at } else { Vec3::ZERO };
             (at, places.cell(at))
         }));
         self.room.iter().for_each(|&(_, cell)| self.numbers[cell as usize] += 1);
@@ -289,4 +292,58 @@ impl Disc {
 #[inline(always)]
 fn four(numbers: &[f32], k: usize) -> Vec4 {
     Vec4::from_slice(&numbers[k..k + LANES])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RAYS: u32 = 341;
+
+    fn disc(places: &Places, positions: &[Vec3]) -> Disc {
+        let links = positions.len();
+        let merged = Merged { sites: (0..links as u32).collect(), counts: vec![1; links], lost: 0 };
+        let mut disc = Disc::default();
+        disc.set(places, &merged, (Vec3::ZERO, [Vec3::X, Vec3::Y, Vec3::Z]), positions, |_, _| ());
+        disc
+    }
+
+    #[test]
+    fn the_likeliest_is_the_one_straight_ahead() {
+        let places = Places::new(RAYS);
+        // Every second ray has a site ahead, near or far. That puts 1.1 links into a cell, so that four on either
+        // side of the middle hold a ray's own cell, and rays are 0.1 apart, far more than keys are rounded by.
+        let positions: Vec<Vec3> =
+            places.rays.iter().step_by(2).map(|ray| ray.at * (1.0 + ray.at.x)).collect();
+        let mut disc = disc(&places, &positions);
+        for (k, ray) in places.rays.iter().step_by(2).enumerate() {
+            let choice = disc.choice(&places, *ray);
+            let slot = disc.slot(choice.best);
+            assert!(disc.is_near(&choice, slot), "ray {k}");
+            assert_eq!(disc.rank(&choice, (Reach::All, slot)), 0, "ray {k}");
+            assert_eq!(disc.ranked(&choice, (Reach::All, 0)), Some(slot), "ray {k}");
+            assert_eq!(disc.take(slot), k as u32);
+        }
+        assert_eq!((disc.rays, disc.live), (0, 0));
+        assert_eq!(disc.choice(&places, places.rays[0]).number(), 0);
+    }
+
+    #[test]
+    fn ranks_and_slots_are_each_others_inverse() {
+        let places = Places::new(RAYS);
+        // Sites above and below the horizon, in one place, at the receiver and nowhere.
+        let at = |k: u64| Vec3::from_array([1, 2, 3].map(|axis| crate::geometry::hash::unit(axis, k) - 0.5));
+        let mut positions: Vec<Vec3> = (0..150).map(|k| at(k / 2)).collect();
+        positions.extend([Vec3::ZERO, Vec3::NAN, Vec3::INFINITY]);
+        let mut disc = disc(&places, &positions);
+        for ray in &places.rays {
+            let choice = disc.choice(&places, *ray);
+            for rank in 0..positions.len() as u32 {
+                let slot = disc.ranked(&choice, (Reach::All, rank)).expect("as many as there are links");
+                assert_eq!(disc.rank(&choice, (Reach::All, slot)), rank);
+            }
+            assert_eq!(disc.ranked(&choice, (Reach::Near, 1)), Some(disc.slot(choice.second)));
+            assert_eq!(disc.ranked(&choice, (Reach::All, positions.len() as u32)), None);
+        }
+    }
 }
