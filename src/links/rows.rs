@@ -206,6 +206,14 @@ pub struct LatticePoint {
     sin: f32,
 }
 
+impl LatticePoint {
+    /// On the unit disc of a row's frame, if the row were shifted outwards by so much of the disc's area.
+    pub fn on_disc(self, shift: f32) -> [f32; 2] {
+        let radius = (self.square + shift).sqrt();
+        [radius * self.cos, radius * self.sin]
+    }
+}
+
 /// Points of the unit disc, shared.
 pub type Lattice = std::sync::Arc<[LatticePoint]>;
 
@@ -248,6 +256,11 @@ impl Directions {
         let (sin, cos) = (std::f32::consts::TAU * b).sin_cos();
         let (tangent, bitangent) = (s * cos + t * sin, t * cos - s * sin);
         Self { tangent, bitangent, normal, shift: a / rays as f32 }
+    }
+
+    /// Tangent, bitangent and normal: the axes of the disc on which [`LatticePoint::on_disc`] lies, and its pole.
+    pub fn frame(&self) -> [Vec3; 3] {
+        [self.tangent, self.bitangent, self.normal]
     }
 
     /// The world direction of a lattice point.

@@ -23,10 +23,11 @@ impl BitWriter {
     pub fn push(&mut self, value: u64, length: u32) {
         self.word = self.word << length | value;
         self.filled += length;
-        while self.filled >= 8 {
-            self.filled -= 8;
-            self.bytes.push((self.word >> self.filled) as u8);
-        }
+        // Eight bytes, of which those that are whole stay: no loop, no branch.
+        let whole = self.bytes.len() + (self.filled / 8) as usize;
+        self.bytes.extend_from_slice(&self.word.rotate_right(self.filled).to_be_bytes());
+        self.bytes.truncate(whole);
+        self.filled %= 8;
     }
 
     /// Appends the exponential Golomb code of a value: 2 log₂(1 + value/2ᵏ) + 1 + k bits, rounded down to odd logs.

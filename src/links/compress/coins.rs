@@ -52,53 +52,12 @@ impl Coin {
 }
 
 /// Either end of the line: one description of the data serves both, so that they cannot disagree.
-#[derive(Debug)]
-pub enum Coder<'a> {
-    /// Writes the answers that it is given.
-    Writer(Writer),
-    /// Gives the answers that were written, whatever it is given.
-    Reader(Reader<'a>),
-}
-
-impl<'a> Coder<'a> {
-    /// To write with.
-    pub fn writer() -> Self {
-        Self::Writer(Writer { low: 0, range: u32::MAX, held: 0, pending: 0, bytes: Vec::new() })
-    }
-
-    /// To read with.
-    pub fn reader(bytes: &'a [u8]) -> Self {
-        let mut reader = Reader { code: 0, range: u32::MAX, bytes, at: 0 };
-        (0..5).for_each(|_| reader.code = reader.code << 8 | reader.byte());
-        Self::Reader(reader)
-    }
-
+pub trait Coder {
     /// Whether the answers are known here, or to be read.
-    pub fn writes(&self) -> bool {
-        matches!(self, Self::Writer(_))
-    }
+    const WRITES: bool;
 
-    /// Codes one answer.
-    #[inline]
-    pub fn flip(&mut self, coin: &mut Coin, yes: bool) -> bool {
-        let yes = match self {
-            Self::Writer(writer) => writer.flip(coin.chance(), yes),
-            Self::Reader(reader) => reader.flip(coin.chance()),
-        };
-        coin.learn(yes);
-        yes
-    }
-
-    /// The bytes written; none from a reader.
-    pub fn finish(self) -> Vec<u8> {
-        match self {
-            Self::Writer(mut writer) => {
-                (0..5).for_each(|_| writer.shift());
-                writer.bytes
-            }
-            Self::Reader(_) => Vec::new(),
-        }
-    }
+    /// Codes one answer: the one given where it is known, else the one that was written.
+    fn flip(&mut self, coin: &mut Coin, yes: bool) -> bool;
 }
 
 /// The writing end.
@@ -112,34 +71,50 @@ pub struct Writer {
     bytes: Vec<u8>,
 }
 
-impl Writer {
-    fn flip(&mut self, chance: u32, yes: bool) -> bool {
-        let bound = (self.range >> CHANCE_BITS) * chance;
-        if yes {
-            self.range = bound;
-        } else {
-            self.low += u64::from(bound);
-            self.range -= bound;
-        }
+impl Default for Writer {
+    fn default() -> Self {
+        Self { low: 0, range: u32::MAX, held: 0, pending: 0, bytes: Vec::new() }
+    }
+}
+
+impl Coder for Writer {
+    const WRITES: bool = true;
+
+    #[inline(always)]
+    fn flip(&mut self, coin: &mut Coin, yes: bool) -> bool {
+        let bound = (self.range >> CHANCE_BITS) * coin.chance();
+        self.low += if yes { 0 } else { u64::from(bound) };
+        self.range = if yes { bound } else { self.range - bound };
         while self.range < NARROW {
             self.range <<= 8;
             self.shift();
         }
+        coin.learn(yes);
         yes
     }
+}
 
+impl Writer {
     fn shift(&mut self) {
         let carry = (self.low >> 32) as u8;
         if self.low < 0xff00_0000 || carry > 0 {
             self.bytes.push(self.held.wrapping_add(carry));
-            let filled = self.bytes.len() + self.pending;
-            self.bytes.resize(filled, 0xff_u8.wrapping_add(carry));
-            self.pending = 0;
+            if self.pending > 0 {
+                let filled = self.bytes.len() + self.pending;
+                self.bytes.resize(filled, 0xff_u8.wrapping_add(carry));
+                self.pending = 0;
+            }
             self.held = (self.low >> 24) as u8;
         } else {
             self.pending += 1;
         }
         self.low = (self.low & 0x00ff_ffff) << 8;
+    }
+
+    /// The bytes written.
+    pub fn finish(mut self) -> Vec<u8> {
+        (0..5).for_each(|_| self.shift());
+        self.bytes
     }
 }
 
@@ -152,27 +127,35 @@ pub struct Reader<'a> {
     at: usize,
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    /// Of what a [`Writer`] wrote.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        let mut reader = Reader { code: 0, range: u32::MAX, bytes, at: 0 };
+        (0..5).for_each(|_| reader.code = reader.code << 8 | reader.byte());
+        reader
+    }
+
     fn byte(&mut self) -> u32 {
         let byte = self.bytes.get(self.at).copied().unwrap_or(0);
         self.at += 1;
         u32::from(byte)
     }
+}
 
-    #[inline]
-    fn flip(&mut self, chance: u32) -> bool {
-        let bound = (self.range >> CHANCE_BITS) * chance;
+impl Coder for Reader<'_> {
+    const WRITES: bool = false;
+
+    #[inline(always)]
+    fn flip(&mut self, coin: &mut Coin, _: bool) -> bool {
+        let bound = (self.range >> CHANCE_BITS) * coin.chance();
         let yes = self.code < bound;
-        if yes {
-            self.range = bound;
-        } else {
-            self.code -= bound;
-            self.range -= bound;
-        }
+        self.code -= if yes { 0 } else { bound };
+        self.range = if yes { bound } else { self.range - bound };
         while self.range < NARROW {
             self.range <<= 8;
             self.code = self.code << 8 | self.byte();
         }
+        coin.learn(yes);
         yes
     }
 }
@@ -189,13 +172,13 @@ mod tests {
         let answer = |i: u64| match i % 3 {
             0 => !hash::mix2(1, i).is_multiple_of(8),
             1 => hash::mix2(2, i).is_multiple_of(64),
-            _ => i / 5000 % 2 == 0,
+            _ => (i / 5000).is_multiple_of(2),
         };
-        let mut coder = Coder::writer();
+        let mut coder = Writer::default();
         let mut coins = [Coin::default(); 3];
         (0..FLIPS).for_each(|i| assert_eq!(coder.flip(&mut coins[(i % 3) as usize], answer(i)), answer(i)));
         let bytes = coder.finish();
-        let mut coder = Coder::reader(&bytes);
+        let mut coder = Reader::new(&bytes);
         let mut coins = [Coin::default(); 3];
         for i in 0..FLIPS {
             assert_eq!(coder.flip(&mut coins[(i % 3) as usize], false), answer(i), "flip {i}");

@@ -79,14 +79,54 @@ impl Merged {
     }
 }
 
+/// Merges rows into links: each ray finds the link of its site at once, without sorting rays.
+#[derive(Debug, Default)]
+pub struct Links {
+    /// By site: where its link is, if that is the site's; never cleared.
+    slots: Vec<u32>,
+    /// Site and rays, in the order met, then sorted.
+    met: Vec<u64>,
+}
+
+impl Links {
+    /// The links of a row, as [`Merged::set`] finds them.
+    pub fn merge(&mut self, row: &[u32], merged: &mut Merged) {
+        self.met.clear();
+        let mut lost = 0;
+        for &site in row {
+            if site >= FIRST_MARK {
+                lost += u32::from(site == LOST);
+                continue;
+            }
+            let site = site as usize;
+            if site >= self.slots.len() {
+                self.slots.resize(site + 1 + site / 2, 0);
+            }
+            let slot = self.slots[site] as usize;
+            match self.met.get_mut(slot) {
+                Some(link) if *link >> 32 == site as u64 => *link += 1,
+                _ => {
+                    self.slots[site] = self.met.len() as u32;
+                    self.met.push((site as u64) << 32 | 1);
+                }
+            }
+        }
+        self.met.sort_unstable();
+        merged.clear();
+        merged.lost = lost;
+        merged.sites.extend(self.met.iter().map(|link| (link >> 32) as u32));
+        merged.counts.extend(self.met.iter().map(|&link| link as u32));
+    }
+}
+
 /// The links of rows `first..last` as bytes: offsets of the streams (u32), streams, zeros. A run is a stream of sites and one
 /// of counts, so that the processor decodes both at a time.
 pub fn encode(rows: &Rows, (first, last): (usize, usize)) -> Vec<u8> {
     let run = |start: usize| {
         let (mut sites, mut counts) = (BitWriter::default(), BitWriter::default());
-        let (mut merged, mut hits) = (Merged::default(), Vec::new());
+        let (mut merged, mut links) = (Merged::default(), Links::default());
         for r in start..(start + RUN).min(last) {
-            merged.set(rows.row(r), &mut hits);
+            links.merge(rows.row(r), &mut merged);
             merged.write(&mut sites, &mut counts);
         }
         [sites.finish(), counts.finish()]
