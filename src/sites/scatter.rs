@@ -16,6 +16,10 @@ const DEEPEST: u32 = 20;
 /// Points of a piece that are asked for the spacing they want.
 const ASKED: u32 = 5;
 
+/// Points that are heard besides a piece's own count from this share of the spacing on: they keep what is small from being
+/// missed, but do not make whole pieces finer for every step of the grading.
+const UNHEARD: f32 = 0.5;
+
 /// Pieces that go on get this share of the candidates: the next level fills their gaps.
 const OPEN_SHARE: f32 = 0.5;
 
@@ -127,13 +131,17 @@ fn fates(
         .map(|piece| {
             let count = growth.count(piece, density);
             let own = (0..count).step_by(count.div_ceil(ASKED) as usize);
-            let own = own.map(|i| growth.candidate(piece, (i, count)));
+            let own = own.map(|i| (growth.candidate(piece, (i, count)), 1.0));
+            let heard = heard.on(&growth.active[piece]).map(|candidate| (candidate, UNHEARD));
             let mut fate = Fate::Dead;
-            for candidate in own.chain(heard.on(&growth.active[piece])) {
+            for (candidate, share) in own.chain(heard) {
                 match wanted(&candidate) {
                     None => {}
                     // One that wants more decides for all.
-                    Some(w) if growth.level < DEEPEST && w * std::f32::consts::SQRT_2 < growth.spacing => {
+                    Some(w)
+                        if growth.level < DEEPEST
+                            && w * std::f32::consts::SQRT_2 < share * growth.spacing =>
+                    {
                         return Fate::Finer;
                     }
                     Some(_) => fate = Fate::Done,

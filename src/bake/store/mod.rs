@@ -34,7 +34,7 @@ const MOST_RAYS: u32 = 1 << 16;
 /// The codec of links: [`compress::merged`].
 const LINKS_CODEC: u16 = 2;
 /// The codec of the rays' order: [`compress::order`].
-const ORDER_CODEC: u16 = 3;
+const ORDER_CODEC: u16 = 4;
 
 const PROGRAM: &str = concat!("glowtree ", env!("CARGO_PKG_VERSION"));
 
