@@ -1,7 +1,7 @@
 //! Which ray met which: the order of a row's links along the lattice, as far as geometry does not tell it.
 //!
 //! Once a row's links are known, a ray mostly met the one whose site lies nearest to its direction and still has rays to
-//! be accounted for. So what is coded is the rank of the true one among the links [around](super::disc) the ray, mostly nought, with an
+//! be accounted for. So what is coded is the rank of the true one among the links around the ray (`disc.rs`), mostly nought, with an
 //! adaptive coder whose contexts are how clear the choice is and what the rays before met. Where geometry knows nothing it costs bits, never
 //! truth: any row comes back bit by bit. Both ends must round sines alike; a seal tells where they do not.
 
