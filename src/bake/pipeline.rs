@@ -50,7 +50,7 @@ const ROUNDS: usize = 3;
 /// The first plan aims this much below the target.
 const AIM: f64 = 0.9;
 
-/// The estimate of a few hundred points is this uncertain: no plan is thrown away for less.
+/// The estimate of a few hundred points is this uncertain: no plan is thrown away for less, but it is warned.
 const LENIENCE: f64 = 1.1;
 
 /// A plan that missed is followed by one that makes up for it, and this much tighter.
@@ -67,7 +67,7 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
         spent.stages.append(&mut report.stages);
         let reached = report.estimate.error;
         if reached <= LENIENCE * target.error || round == ROUNDS {
-            if reached > LENIENCE * target.error {
+            if reached > target.error {
                 let percent = |e: f64| format!("{:.2} %", 100.0 * e);
                 monitor.warn(&format!(
                     "the target of {} was not reached: estimated error {}",
@@ -121,6 +121,7 @@ pub fn build(
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
     let receivers = Receivers::settle(layout.around(grounds), placement);
     let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means);
+    let placed = receivers.rows.met.len();
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());
@@ -132,7 +133,8 @@ pub fn build(
     report.stages.push(stage.finish());
 
     solve(&mut work, "solve", (plan, bounces), (monitor, &mut report))?;
-    report.rays += work.receivers.rows.met.len() as u64 + work.spread.rays;
+    // Those of the receivers placed by geometry are counted already.
+    report.rays += (work.receivers.rows.met.len() - placed) as u64 + work.spread.rays;
 
     let Work { layout, receivers, spread, solution, .. } = work;
     let Layout { sites, graph, cells, plots, albedo, exitance, direct, .. } = layout;

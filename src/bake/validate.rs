@@ -8,8 +8,6 @@ use rayon::prelude::*;
 use crate::geometry::{SurfacePoint, hash, tangent_frame};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
-use crate::rays::Ray;
-use crate::scatter::surface::side_normal;
 use crate::sites::SiteId;
 use crate::solve::Field;
 use crate::solve::light::RowLight;
@@ -164,13 +162,9 @@ impl Sampler {
         let (s, t) = tangent_frame(at.normal);
         let [u, v] = hash::unit_pair(seed ^ 0xa5a5, index);
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-        let above = at.position + (s * cos + t * sin) * (reach * u.sqrt()) + at.normal * reach;
-        let ray = Ray { origin: above, direction: -at.normal, t_min: 0.0, t_max: 2.0 * reach };
-        let hit = around.bvh.closest(&ray)?;
-        let back = crate::links::from_behind(around.scene, &ray, &hit);
-        let normal = side_normal(around.scene, hit.triangle, back);
+        let offset = (s * cos + t * sin) * (reach * u.sqrt());
+        let (hit, back, point) = around.beside(&at, offset, reach)?;
         let mesh = &around.scene.meshes[around.scene.mesh_of(hit.triangle)];
-        (mesh.two_sided || !back)
-            .then(|| SurfacePoint { position: above + ray.direction * hit.distance, normal })
+        (mesh.two_sided || !back).then_some(point)
     }
 }

@@ -11,11 +11,16 @@ pub mod receivers;
 pub mod refine;
 pub mod rows;
 
+use glam::Vec3;
+
 use crate::geometry::{SurfacePoint, triangle};
 use crate::rays::{Bvh, Hit, Ray};
+use crate::scatter::surface::side_normal;
 use crate::scene::Scene;
 use crate::sites::cells::Said;
+use crate::sites::neighbours::mutually_visible;
 use crate::sites::{Cells, Ground, Neighbours, SiteId, Sites};
+use crate::tree::index::SupportIndex;
 
 /// What rays are traced in and what they find: the scene, its hierarchy, its sites and their cells.
 #[derive(Clone, Copy)]
@@ -30,6 +35,25 @@ pub struct Surroundings<'a> {
     pub graph: &'a Neighbours,
     /// Which site speaks for which bit of surface.
     pub cells: &'a Cells,
+}
+
+/// How many of the nearest supports are asked for visibility before a point counts as uncovered.
+const MOST_ASKED: usize = 8;
+
+/// The support nearest to a point that covers it and sees it, and the rays that it took to tell; `found` is room to work in.
+fn covering(
+    index: &SupportIndex,
+    at: &SurfacePoint,
+    (lift, bvh): (f32, &Bvh),
+    found: &mut Vec<(f32, u32)>,
+) -> (Option<u32>, u64) {
+    index.nearest(at, 1.0, found);
+    let mut rays = 0;
+    let by = found.iter().take(MOST_ASKED).find(|(_, id)| {
+        rays += 1;
+        mutually_visible(*at, index.supports()[*id as usize].point, lift, bvh)
+    });
+    (by.map(|(_, id)| *id), rays)
 }
 
 /// Whether the ray meets the triangle's back.
@@ -50,6 +74,23 @@ impl<'a> Surroundings<'a> {
             Said::Dead => rows::BLACK,
             Said::Nobody => rows::LOST,
         }
+    }
+
+    /// Where the surface lies under or above a place beside a point, `rise` away at the most: the hit, whether from behind,
+    /// and the point with its side's normal.
+    pub fn beside(
+        &self,
+        centre: &SurfacePoint,
+        offset: Vec3,
+        rise: f32,
+    ) -> Option<(Hit, bool, SurfacePoint)> {
+        let origin = centre.position + offset + centre.normal * rise;
+        let ray = Ray { origin, direction: -centre.normal, t_min: 0.0, t_max: 2.0 * rise };
+        let hit = self.bvh.closest(&ray)?;
+        let back = from_behind(self.scene, &ray, &hit);
+        let normal = side_normal(self.scene, hit.triangle, back);
+        let position = origin + ray.direction * hit.distance;
+        Some((hit, back, SurfacePoint { position, normal }))
     }
 
     /// The site that speaks for a surface point, and the point itself set onto the surface: a short ray finds the triangle

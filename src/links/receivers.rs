@@ -6,8 +6,8 @@
 
 use rayon::prelude::*;
 
-use super::Surroundings;
 use super::rows::{RawHit, RawRows, RowParams, Rows};
+use super::{Surroundings, covering};
 use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
@@ -36,9 +36,6 @@ pub struct ReceiverParams {
     /// Their rows.
     pub rows: RowParams,
 }
-
-/// How many of the nearest supports are asked for visibility before a point counts as uncovered.
-const MOST_ASKED: usize = 8;
 
 /// The ends of visibility rays are lifted by at most this share of the local spacing.
 const LIFT_SHARE: f32 = 0.03;
@@ -180,13 +177,8 @@ impl Placement {
                 if buried {
                     return (Some(0.0), 0);
                 }
-                self.index.nearest(&at, 1.0, found);
-                let mut rays_used = 0;
-                let by = found.iter().take(MOST_ASKED).find(|(_, id)| {
-                    rays_used += 1;
-                    mutually_visible(at, self.index.supports()[*id as usize].point, lift, bvh)
-                });
-                (by.map(|(_, id)| self.raw.summaries[*id as usize].hits as f32 / rays), rays_used)
+                let (by, rays_used) = covering(&self.index, &at, (lift, bvh), found);
+                (by.map(|id| self.raw.summaries[id as usize].hits as f32 / rays), rays_used)
             })
             .collect();
         self.rays += answers.iter().map(|a| a.1).sum::<u64>();

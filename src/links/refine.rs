@@ -6,22 +6,16 @@
 
 use rayon::prelude::*;
 
-use super::Surroundings;
 use super::receivers::Receivers;
+use super::{Surroundings, covering};
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
-use crate::rays::Ray;
-use crate::scatter::surface::side_normal;
 use crate::sites::SiteId;
 use crate::sites::cells::Said;
-use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
 
 /// Points thrown around a receiver that is split; about five of them become receivers.
 const THROWN: u32 = 24;
-
-/// How many of the nearest supports are asked for visibility before a point counts as uncovered.
-const MOST_ASKED: usize = 8;
 
 /// Points whose normals' cosine with the receiver's is below this are not its surroundings.
 const SAME_SURFACE: f32 = 0.2;
@@ -43,13 +37,8 @@ pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32]
             let parent = supports[r as usize];
             let key = hash::mix2(seed, u64::from(r) ^ supports.len() as u64);
             (0..THROWN)
-                .filter_map(|i| around.beside(&parent.point, 2.0 * parent.radius, (i, key)))
-                .filter(|at| {
-                    index.nearest(at, 1.0, found);
-                    !found.iter().take(MOST_ASKED).any(|(_, id)| {
-                        mutually_visible(*at, supports[*id as usize].point, receivers.lift, around.bvh)
-                    })
-                })
+                .filter_map(|i| around.thrown(&parent.point, 2.0 * parent.radius, (i, key)))
+                .filter(|at| covering(index, at, (receivers.lift, around.bvh), found).0.is_none())
                 .collect()
         })
         .collect();
@@ -66,7 +55,7 @@ pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32]
     receivers.extend(around, fresh.supports(), seed);
 }
 
-/// Gives sites receivers of their own, save those that lie within one site's spacing of another that gets one.
+/// Gives sites receivers of their own, save those that another's own receiver covers.
 ///
 /// Cost: a row a receiver.
 pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], seed: u64) {
@@ -87,19 +76,13 @@ const OWN_RADIUS: f32 = 1.5;
 
 impl Surroundings<'_> {
     /// Point `i` of [`THROWN`] on the surface around another, within a radius; None where the surface ends or is dead.
-    fn beside(&self, centre: &SurfacePoint, radius: f32, (i, key): (u32, u64)) -> Option<SurfacePoint> {
+    fn thrown(&self, centre: &SurfacePoint, radius: f32, (i, key): (u32, u64)) -> Option<SurfacePoint> {
         let [u, v] = hemisphere::fibonacci(i, THROWN, hash::unit_pair(key, 0));
         let (s, t) = tangent_frame(centre.normal);
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
-        let reach = radius * u.sqrt();
-        let rise = 0.5 * radius;
-        let origin = centre.position + (s * cos + t * sin) * reach + centre.normal * rise;
-        let ray = Ray { origin, direction: -centre.normal, t_min: 0.0, t_max: 2.0 * rise };
-        let hit = self.bvh.closest(&ray)?;
-        let back = super::from_behind(self.scene, &ray, &hit);
-        let normal = side_normal(self.scene, hit.triangle, back);
+        let offset = (s * cos + t * sin) * (radius * u.sqrt());
+        let (hit, back, at) = self.beside(centre, offset, 0.5 * radius)?;
         let live = matches!(self.cells.site(&hit, back, self.ground()), Said::Site(_));
-        let position = origin + ray.direction * hit.distance;
-        (live && normal.dot(centre.normal) > SAME_SURFACE).then_some(SurfacePoint { position, normal })
+        (live && at.normal.dot(centre.normal) > SAME_SURFACE).then_some(at)
     }
 }
