@@ -7,6 +7,7 @@ use glowtree::geometry::hash::Stream;
 use glowtree::geometry::hemisphere::uniform_sphere;
 use glowtree::rays::Bvh;
 use glowtree::scatter::Candidate;
+use glowtree::scatter::growth::Growth;
 use glowtree::scatter::surface::Surface;
 use glowtree::scene::Scene;
 use glowtree::sites::{Plot, REACH, Samples, SiteParams, Sites};
@@ -285,4 +286,34 @@ fn nothing_that_reflects_means_no_sites() {
     let points: Vec<_> = points_on(&scene, 0, 2000, 5).into_iter().filter(|p| p.position.x < -0.02).collect();
     // As above: 0.15 % of a thousand points is one; five have a chance of 1e-3.
     assert!(uncovered(&half.sites, &points, 1.2) < 0.005);
+}
+
+/// Five points of a wide piece miss what is small; a point that is heard does not let it be missed.
+#[test]
+fn what_is_small_is_found_where_a_point_is_heard() {
+    let scene = scene(&[part("square", shapes::quad(DVec3::ZERO, DVec3::X, DVec3::Y, 1), 0.5)]);
+    let bvh = Bvh::build(&scene);
+    let surface = Surface::new(&scene, leaf_order(&bvh));
+    let params = SiteParams::default();
+    let candidates = Growth::new(&surface, 0.05, 3).candidates(50.0);
+    // A spot of a 25th of the wide spacing across, at 20 places: the chance that none is missed by five points is nil.
+    let (wide, fine, reach) = (0.1f32, 0.002f32, 0.004f32);
+    let (mut missed, mut tried) = (0, 0);
+    for spot in candidates.iter().step_by(candidates.len() / 20) {
+        let at = spot.point;
+        let inside =
+            |p: &SurfacePoint| p.position.distance(at.position) < reach && p.normal.dot(at.normal) > 0.0;
+        let wanted = |c: &Candidate| Some(if inside(&c.point) { fine } else { wide });
+        let finest = |heard: &[Candidate]| {
+            let sites = Sites::scatter(&surface, &params, heard, wanted).0;
+            let near = (0..sites.len()).filter(|&i| sites.positions[i].distance(at.position) < reach);
+            near.map(|i| sites.spacings[i]).fold(f32::INFINITY, f32::min)
+        };
+        missed += u32::from(finest(&[]) > 4.0 * fine);
+        // Heard points count from twice the spacing on, levels from √2 of it: 2.83 in all.
+        let got = finest(std::slice::from_ref(spot));
+        assert!(got < 2.83 * fine, "spacing {got} where {fine} was wanted");
+        tried += 1;
+    }
+    assert!(tried >= 20 && missed > tried / 2, "{missed} of {tried} are missed by five points");
 }

@@ -62,7 +62,8 @@ pub fn from_behind(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
 }
 
 impl<'a> Surroundings<'a> {
-    fn ground(&self) -> Ground<'a> {
+    /// What cells are filled from.
+    pub fn ground(&self) -> Ground<'a> {
         Ground { scene: self.scene, bvh: self.bvh, sites: self.sites, graph: self.graph }
     }
 

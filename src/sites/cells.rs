@@ -1,6 +1,6 @@
 //! Which site stands for the bit of surface that a ray met: a table over small cells of every triangle.
 //!
-//! A cell's site is the one that minimises d² + 4h²(1 − n·n′) for the cell's centre; when that site is unclean it must
+//! A cell's site is the one that minimises d² + 4h²(1 − n·n′) for the cell's centre; when that site is not sure (unclean, or not in its plane) it must
 //! also be visible from there, or the next nearest is taken. A triangle is quartered until its parts are as small as the
 //! sites around are dense; triangles smaller than that have one cell. The table is filled at first touch, all cells of a
 //! plot together, and looked over for visibility at each cell's own; as a cell's site depends on the cell alone, it does
@@ -12,7 +12,7 @@ use super::crowd::Crowd;
 use super::neighbours::{Neighbours, mutually_visible};
 use super::plots::Plots;
 use super::{Plot, SiteId, Sites};
-use crate::geometry::{SurfacePoint, triangle};
+use crate::geometry::{LIFT, SurfacePoint, triangle};
 use crate::rays::{Bvh, Hit};
 use crate::scatter::surface::{Surface, quarter, side_normal, unfold};
 use crate::scene::Scene;
@@ -27,7 +27,10 @@ const TRIES: usize = 8;
 const FINEST: u32 = 12;
 
 const UNFILLED: u32 = 0;
-/// From here on cells hold the nearest site + 1, which is unclean, and not yet whether it is visible; here, no site yet.
+/// Points this near to a site's plane lie in it, local units: a few roundings of f32.
+const PLANE: f32 = 4.0 * LIFT;
+
+/// From here on cells hold the nearest site + 1, which is not sure, and not yet whether it is visible; here, no site yet.
 const UNSURE: u32 = 1 << 31;
 const NO_SITE: u32 = UNSURE - 1;
 
@@ -189,8 +192,8 @@ impl Cells {
         let crowded = crowd.overflows();
         let mut nearest = |point| match crowd.nearest(ground.sites, point) {
             None => NO_SITE,
-            Some(site) if ground.graph.unclean(site) => UNSURE + site.0 + 1,
-            Some(site) => site.0 + 1,
+            Some(site) if ground.is_sure(point, site) => site.0 + 1,
+            Some(site) => UNSURE + site.0 + 1,
         };
         for (cell, point) in self.table[cells].iter().zip(&points) {
             let stored = if crowded { UNSURE } else { nearest(point) };
@@ -241,10 +244,17 @@ pub(super) fn centres(depth: u32) -> impl Iterator<Item = [f32; 2]> {
 }
 
 impl Ground<'_> {
-    /// The site that stands for any surface point: the nearest, or the nearest visible one when that is unclean.
+    /// The site that stands for any surface point: the nearest, or the nearest visible one where that is not sure.
     pub fn represent(&self, point: &SurfacePoint) -> Option<SiteId> {
         let site = self.sites.nearest(point)?;
-        if self.graph.unclean(site) { self.visible(point, site) } else { Some(site) }
+        if self.is_sure(point, site) { Some(site) } else { self.visible(point, site) }
+    }
+
+    /// Whether a site speaks for a point near it without a look: nothing stands around it, and the point lies in its plane.
+    /// A sheet close behind it has no sites of its own there, which would have told.
+    pub fn is_sure(&self, point: &SurfacePoint, site: SiteId) -> bool {
+        let at = self.sites.point(site);
+        !self.graph.unclean(site) && (point.position - at.position).dot(at.normal).abs() <= PLANE
     }
 
     /// The nearest site if it is visible, else the nearest one that is.

@@ -89,7 +89,7 @@ impl Field<'_> {
         // A cell next to a wall may reach through it: its site speaks for those points alone that it sees.
         let sees = |s: &SiteId| {
             let there = problem.around.sites.point(*s);
-            !problem.around.graph.unclean(*s)
+            problem.around.ground().is_sure(point, *s)
                 || mutually_visible(*point, there, f32::INFINITY, problem.around.bvh)
         };
         let home = site.filter(sees);
