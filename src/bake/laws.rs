@@ -27,6 +27,8 @@ pub struct Plan {
     pub tolerance: f64,
     /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
     pub doubt: f32,
+    /// Standard error, relative to the mean irradiance, that a gathering point's rays may leave.
+    pub point_noise: f64,
     /// Relative RMS error that interpolation between receivers may make.
     pub interpolation: f64,
     /// Claimed relative RMS error of the sites above which some get rows of their own.
@@ -61,16 +63,17 @@ impl Plan {
             receivers: ReceiverParams {
                 factor: (0.4 * ease.sqrt()) as f32,
                 largest_radius: 0.2,
-                finest: 4_000.0 * ease.powf(-0.8),
+                finest: 3_000.0 * ease.powf(-0.8),
                 density: 4.0,
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,
+            point_noise: 0.7 * error,
             interpolation: 0.5 * error,
             site_error: 10.0 * error,
-            own_passes: 2,
+            own_passes: 1,
             passes: 3,
             target: error,
             judges: 500,
@@ -79,6 +82,13 @@ impl Plan {
 
     /// How points off the receivers are answered.
     pub fn field(&self) -> FieldParams {
-        FieldParams { direct: self.direct, rays: self.receivers.rows.rays, doubt: self.doubt }
+        let long = self.receivers.rows.rays;
+        FieldParams {
+            direct: self.direct,
+            rays: long,
+            most_rays: 2 * long,
+            noise: self.point_noise as f32,
+            doubt: self.doubt,
+        }
     }
 }

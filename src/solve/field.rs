@@ -39,8 +39,12 @@ impl Irradiance {
 pub struct FieldParams {
     /// Shadow rays.
     pub direct: DirectParams,
-    /// Rays a point shoots itself where no receiver speaks for it, or where they disagree too much.
+    /// Rays that a point shoots itself where nobody near it says how many it takes.
     pub rays: u32,
+    /// Rays that it shoots at the most.
+    pub most_rays: u32,
+    /// The standard error, relative to the solution's level, that a point's own row may have.
+    pub noise: f32,
     /// The disagreement, relative to the solution's level, from which a point gathers for itself.
     pub doubt: f32,
 }
@@ -57,6 +61,12 @@ const DARK: f32 = 2.0e-3;
 
 /// Leverages count up to this.
 const MOST_LEVERAGE: f32 = 0.99;
+
+/// Lattices of n rays err by n to the minus this (docs/theory.md, rows).
+const LATTICE_ORDER: f32 = 0.6;
+
+/// Rows of fewer rays are not shot.
+const FEWEST_RAYS: u32 = 32;
 
 /// A site's shadows speak for points whose normals' cosine with its own is at least this (18°).
 const SAME_TURN: f32 = 0.95;
@@ -105,9 +115,9 @@ impl Field<'_> {
                 // Darkness may be a hidden side's, reached through a wall: it is looked into.
                 let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
                 let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
-                if trusted { blended } else { self.gather(point, direct) }
+                if trusted { blended } else { self.gather(point, near, direct) }
             }
-            None => self.gather(point, direct),
+            None => self.gather(point, near, direct),
         }
     }
 
@@ -122,10 +132,24 @@ impl Field<'_> {
     }
 
     /// The point's own row, against the solved radiosities.
-    fn gather(&self, point: &SurfacePoint, direct: Rgb) -> Irradiance {
-        let (light, _) = self.gather_row(point, key(point), self.params.rays);
+    fn gather(&self, point: &SurfacePoint, near: &[u32], direct: Rgb) -> Irradiance {
+        let (light, _) = self.gather_row(point, key(point), self.rays_for(near));
         let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = light;
         Irradiance { direct, indirect, sky_visibility, error }
+    }
+
+    /// How many rays bring a point's row down to the noise allowed, as the rows of receivers near it tell. The point's own
+    /// rays have no say: those that missed what is bright would stop too early.
+    fn rays_for(&self, near: &[u32]) -> u32 {
+        let FieldParams { rays, most_rays, noise, .. } = self.params;
+        if near.len() < FEWEST {
+            return rays;
+        }
+        let told = self.problem.receivers.rows.rays;
+        let square: f32 = near.iter().map(|&r| self.solution.noise[r as usize].powi(2)).sum();
+        let excess = (square / near.len() as f32).sqrt() / (noise * self.solution.level).max(f32::MIN_POSITIVE);
+        let wanted = told as f32 * excess.powf(1.0 / LATTICE_ORDER);
+        (wanted as u32).clamp(FEWEST_RAYS, most_rays.max(FEWEST_RAYS))
     }
 }
 

@@ -434,10 +434,11 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
     w.append(tag("surplus"), receivers.clone(), &s.surplus)?;
     w.append(tag("noise"), receivers, &s.noise)?;
-    let FieldParams { direct, rays, doubt } = model.field;
+    let FieldParams { direct, rays, most_rays, noise, doubt } = model.field;
     let seed = [direct.seed as u32, (direct.seed >> 32) as u32];
-    w.append(tag("level"), 0..1, &[s.level, doubt])?;
-    w.append(tag("field"), 0..1, &[direct.first, direct.penumbra, seed[0], seed[1], rays])?;
+    w.append(tag("level"), 0..1, &[s.level, doubt, noise])?;
+    let field = [direct.first, direct.penumbra, seed[0], seed[1], rays, most_rays];
+    w.append(tag("field"), 0..1, &field)?;
     w.append(tag("radiosit"), 0..s.radiosity.len() as u64, &s.radiosity)?;
     finish(w, report)
 }
@@ -445,14 +446,15 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
 fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solution, FieldParams)> {
     let archive = open(job, "light")?;
     let gradient: &[[f32; 9]] = archive.array(tag("gradient"))?;
-    let &[level, doubt] = archive.array::<f32>(tag("level"))? else {
-        return Err(damaged(&archive, "level", "expected two entries"));
+    let &[level, doubt, noise] = archive.array::<f32>(tag("level"))? else {
+        return Err(damaged(&archive, "level", "expected three entries"));
     };
-    let &[first, penumbra, low, high, rays] = archive.array::<u32>(tag("field"))? else {
-        return Err(damaged(&archive, "field", "expected five entries"));
+    let &[first, penumbra, low, high, rays, most_rays] = archive.array::<u32>(tag("field"))? else {
+        return Err(damaged(&archive, "field", "expected six entries"));
     };
     let seed = u64::from(high) << 32 | u64::from(low);
-    let field = FieldParams { direct: DirectParams { first, penumbra, seed }, rays, doubt };
+    let direct = DirectParams { first, penumbra, seed };
+    let field = FieldParams { direct, rays, most_rays, noise, doubt };
     let solution = Solution {
         irradiance: archive.array(tag("irradian"))?.to_vec(),
         gradient: gradient.iter().map(Mat3::from_cols_array).collect(),

@@ -24,6 +24,10 @@ const LEFT_BY_PASS: f64 = 0.25;
 /// Splitting makes of the receivers placed by geometry at most this many times as many.
 const MOST_GROWTH: usize = 4;
 
+/// Only receivers that lose at least this many times their equal share of the budget are split: where all of a rugged
+/// surface loses a little more than allowed, its points gather for themselves at less cost.
+const WORTH: f64 = 15.0;
+
 /// A split adds about this many receivers.
 const MADE_BY_SPLIT: usize = 5;
 
@@ -86,12 +90,13 @@ fn choose(problem: &Problem<'_>, solution: &Solution, (budget, room): (f64, usiz
         stakes.push((area * f64::from(weight * bias * bias), r as u32));
     }
     let allowed = budget * budget * f64::from(level * level) * total;
+    let worth = WORTH * allowed / stakes.len().max(1) as f64;
     let mut left: f64 = stakes.iter().map(|s| s.0).sum();
     stakes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.max(LEFT_BY_PASS * left);
     let mut chosen = Vec::new();
     for (stake, r) in stakes {
-        if left <= allowed || chosen.len() >= room {
+        if left <= allowed || chosen.len() >= room || stake < worth {
             break;
         }
         left -= (1.0 - LEFT_BY_SPLIT) * stake;
