@@ -63,7 +63,7 @@ impl Plan {
             receivers: ReceiverParams {
                 factor: (0.4 * ease.sqrt()) as f32,
                 largest_radius: 0.2,
-                finest: 3_000.0 * ease.powf(-0.8),
+                finest: 4_000.0 * ease.powf(-0.8),
                 density: 4.0,
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
