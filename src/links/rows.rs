@@ -148,7 +148,7 @@ impl RawHit {
     }
 }
 
-/// The rays of all receivers, equally many each.
+/// The rays of some receivers, equally many each.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
     /// Rays a row.
@@ -173,7 +173,11 @@ impl Rows {
     }
 
     /// Adds the rows of others, which have as many rays each.
+    ///
+    /// # Panics
+    /// When they have not.
     pub fn append(&mut self, mut others: Self) {
+        assert_eq!(self.rays, others.rays, "rows of one table are equally long");
         self.keys.append(&mut others.keys);
         self.met.append(&mut others.met);
         self.summaries.append(&mut others.summaries);
