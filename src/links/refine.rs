@@ -126,8 +126,8 @@ impl Surroundings<'_> {
         let (s, t) = tangent_frame(centre.normal);
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
         let offset = (s * cos + t * sin) * (radius * u.sqrt());
-        let (hit, back, at) = self.beside(centre, offset, 0.5 * radius)?;
-        let live = matches!(self.cells.site(&hit, back, self.ground()), Said::Site(_));
+        let (hit, at) = self.beside(centre, offset, 0.5 * radius)?;
+        let live = matches!(self.cells.site(&hit, hit.back, self.ground()), Said::Site(_));
         (live && at.normal.dot(centre.normal) > SAME_SURFACE).then_some(at)
     }
 }

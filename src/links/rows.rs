@@ -143,8 +143,8 @@ impl RawHit {
         if self.side >= FIRST_MARK {
             return self.side;
         }
-        let hit = Hit { distance: 0.0, triangle: self.side >> 1, u: self.u, v: self.v };
-        around.mark(&hit, self.side & 1 == 1)
+        let back = self.side & 1 == 1;
+        around.mark(&Hit { distance: 0.0, triangle: self.side >> 1, u: self.u, v: self.v, back })
     }
 }
 
@@ -294,12 +294,11 @@ fn shoot(
         };
         summary.hits += 1;
         summary.inverse_distance += 1.0 / hit.distance.max(crate::geometry::LIFT);
-        let back = super::from_behind(scene, &ray, &hit);
-        if back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
+        if hit.back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
             summary.black += 1;
             place.side = BLACK;
         } else {
-            *place = RawHit { side: hit.triangle << 1 | u32::from(back), u: hit.u, v: hit.v };
+            *place = RawHit { side: hit.triangle << 1 | u32::from(hit.back), u: hit.u, v: hit.v };
         }
     }
     summary
