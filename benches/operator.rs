@@ -11,7 +11,7 @@ use glowtree::bake::Silent;
 use glowtree::bake::laws::Plan;
 use glowtree::bake::pipeline::build;
 use glowtree::bake::store::{self, Purpose};
-use glowtree::links::compress::merged::{Block, Merged};
+use glowtree::links::compress::merged::Block;
 use glowtree::solve::transport::{Transport, gather_stored};
 use rayon::prelude::*;
 
@@ -66,7 +66,7 @@ fn bandwidth() -> f64 {
 
 fn measure(file: &Path) -> glowtree::Result<()> {
     let (model, _) = build(glowtree::scene::load(file)?, &Plan::new(0.0075, 0), None, &Silent)?;
-    let rows = &model.receivers.rows;
+    let receivers = &model.receivers;
     let folder = tempfile::tempdir().map_err(|e| glowtree::Error::Usage(e.to_string()))?;
     let digests = Digests { inputs: Digest::of_bytes(b""), options: Digest::of_bytes(b"") };
     let started = Instant::now();
@@ -76,20 +76,16 @@ fn measure(file: &Path) -> glowtree::Result<()> {
     let archive = Archive::open(folder.path().join("links.glow"))?;
     let mut blocks = Vec::new();
     for block in archive.blocks(Tag::new("rows")) {
-        let count = (block.range().end - block.range().start) as usize;
-        blocks.extend(Block::new(block.stored()?, count, rows.rays));
+        let (range, (rows, _)) = (block.range(), receivers.row(block.range().start as usize));
+        blocks.extend(Block::new(block.stored()?, (range.end - range.start) as usize, rows.rays));
     }
-    let (mut merged, mut hits, mut links) = (Merged::default(), Vec::new(), 0.0);
-    for r in 0..rows.len() {
-        merged.set(rows.row(r), &mut hits);
-        links += merged.sites.len() as f64;
-    }
+    let links = report.links as f64;
     let radiosity = &model.solution.radiosity;
-    let transport = Transport { rows, spread: &model.spread, albedo: &model.albedo };
+    let transport = Transport { receivers, spread: &model.spread, albedo: &model.albedo };
     let memory = best(|| transport.gather(radiosity));
-    let stored = best(|| gather_stored(&blocks, &rows.summaries, radiosity));
+    let stored = best(|| gather_stored(&blocks, receivers, radiosity));
     let bounce = best(|| transport.apply(&model.solution.irradiance));
-    let rays = rows.met.len() as f64;
+    let rays = receivers.ray_count() as f64;
     let name = file.parent().and_then(Path::file_name).map_or(String::new(), |n| n.to_string_lossy().into());
     println!(
         "{name:10} {:10.3} {:10.3} {:7.3} | {:12.0} {:12.0} {:8.2} | {:12.0} {:8.2} | {:12.0} {:7.2} {:7.2}",

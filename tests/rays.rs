@@ -116,6 +116,68 @@ fn vector_kernels_give_the_same_bits_as_plain_code() {
     }
 }
 
+/// Triangles of which two corners nearly coincide, or the third lies nearly between the others.
+fn slivers(count: usize, seed: u64) -> (Vec<Vec3>, Vec<[u32; 3]>) {
+    let mut stream = Stream::new(seed, 0);
+    let (mut vertices, triangles) = soup(count, 0.3, seed);
+    for [a, b, c] in &triangles {
+        let thin = 10.0f32.powf(-7.0 * stream.unit());
+        let (from, to) = (vertices[*a as usize], vertices[*b as usize]);
+        let along = if stream.unit() < 0.5 { 0.0 } else { stream.unit() };
+        vertices[*c as usize] = from + (to - from) * along + (random_point(&mut stream) - 0.5) * (0.3 * thin);
+    }
+    (vertices, triangles)
+}
+
+#[test]
+fn backs_are_met_along_the_normal() {
+    let sphere = shapes::bumpy_sphere(5);
+    for (name, (vertices, triangles)) in
+        [("sphere", &sphere), ("soup", &soup(2000, 0.2, 41)), ("slivers", &slivers(20_000, 42))]
+    {
+        let bvh = Bvh::build_triangles(vertices, triangles);
+        let (mut counts, mut unsure) = ([0, 0], 0);
+        let rays = aimed(vertices, triangles, 30_000, 43);
+        for (ray, turn) in rays.iter().flat_map(|ray| [(ray, false), (ray, true)]) {
+            // From the other side, too, beyond the whole scene.
+            let far = Ray::new(ray.origin + ray.direction * 4.0, -ray.direction);
+            let ray = if turn { &far } else { ray };
+            let Some(hit) = bvh.closest(ray) else { continue };
+            assert_eq!(Some(hit), bvh.view().closest_scalar(ray), "{name} {ray:?}");
+            let corners = triangles[hit.triangle as usize].map(|v| vertices[v as usize].as_dvec3());
+            let [a, b, c] = corners;
+            let (direction, origin) = (ray.direction.as_dvec3(), ray.origin.as_dvec3());
+            let along = (b - a).cross(c - a).dot(direction);
+            // A sheared coordinate x − s z carries five roundings of ε/2, of numbers up to the corner's distance D: it is
+            // off by e = 2.5 ε D. Twice the sheared area, `along` over the direction's largest component, is the sum of six
+            // products of such coordinates, none above S = 3 L + e, L the longest edge, since the ray passes between the
+            // corners: six times off by 2 S e + e², and by 6 ε/2 S² for the products, 3 ε/2 · 2 S² for their differences
+            // and 2 ε/2 · 6 S² for the sums.
+            let eps = f64::from(f32::EPSILON);
+            let reach = corners.iter().map(|p| p.distance(origin)).fold(0.0, f64::max);
+            let edge = (b - a).length().max((c - b).length()).max((a - c).length());
+            let off = 2.5 * eps * reach;
+            let sheared = 3.0 * edge + off;
+            let rounding = 6.0 * (2.0 * sheared * off + off * off) + 12.0 * eps * sheared * sheared;
+            if along.abs() <= rounding * direction.abs().max_element() {
+                unsure += 1;
+                continue;
+            }
+            assert_eq!(
+                hit.back,
+                along > 0.0,
+                "{name} {ray:?} {hit:?}: {along} by definition, {rounding} is rounding"
+            );
+            counts[usize::from(hit.back)] += 1;
+        }
+        println!("{name}: {counts:?} fronts and backs, {unsure} too close to tell");
+        assert!(
+            counts.iter().all(|&n| n > 500),
+            "{name}: {counts:?} fronts and backs, {unsure} too close to tell"
+        );
+    }
+}
+
 #[test]
 fn rays_that_are_not_finite_meet_nothing() {
     let (vertices, triangles) = shapes::icosphere(2);

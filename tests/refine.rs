@@ -9,6 +9,8 @@ use glowtree::bake::model::Model;
 use glowtree::bake::pipeline::build;
 use glowtree::geometry::{SurfacePoint, hash};
 use glowtree::light::mean_channel;
+use glowtree::links::refine;
+use glowtree::links::rows::RowParams;
 use glowtree::scene::Scene;
 use glowtree::sites::SiteId;
 use shapes::part;
@@ -115,4 +117,21 @@ fn nothing_is_split_where_light_is_uniform() {
         build(furnace(), &plan, None, &Silent).expect("nothing interrupts").0.receivers.len()
     });
     assert_eq!(counts[0], counts[1]);
+}
+
+/// Numbers tell long rows from short ones, so that nothing may come between.
+#[test]
+#[should_panic(expected = "receivers are split before sites get rows of their own, but 1 sites have one")]
+fn nothing_is_split_once_sites_have_rows_of_their_own() {
+    let cube = shapes::cuboid(DVec3::ZERO, DVec3::ONE, 2).flipped();
+    let scene = shapes::scene(&[part("cube", cube, 0.5).exitance(1.0)]);
+    let plan = Plan { own_passes: 0, ..Plan::new(0.05, 1) };
+    let mut model = build(scene, &plan, None, &Silent).expect("nothing interrupts").0;
+    let mut receivers = std::mem::take(&mut model.receivers);
+    let around = model.field().problem.around;
+    let long = receivers.len();
+    refine::own(around, &mut receivers, &[0], RowParams { rays: 32, seed: 1 });
+    let (rows, own) = receivers.row(long);
+    assert_eq!((receivers.len(), own, rows.rays, rows.row(own).len()), (long + 1, 0, 32, 32));
+    refine::split(around, &mut receivers, &[0], 1);
 }

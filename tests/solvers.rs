@@ -34,7 +34,7 @@ fn room(closed: bool) -> Model {
 }
 
 fn transport<'a>(model: &'a Model, albedo: &'a [Rgb]) -> Transport<'a> {
-    Transport { rows: &model.receivers.rows, spread: &model.spread, albedo }
+    Transport { receivers: &model.receivers, spread: &model.spread, albedo }
 }
 
 /// Solves a model's operator with one albedo everywhere for light that differs from site to site and channel to channel:

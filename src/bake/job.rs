@@ -107,17 +107,16 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     if options.preview {
         stages.extend(pictures::write(job, &model, monitor)?);
     }
-    let links = model.receivers.rows.met.len() as u64;
     let mut summary = Summary {
         usage: meter.usage(),
         triangles,
         vertices,
         sites: model.sites.len() as u64,
         levels: model.sites.level_count() as u32,
-        links,
+        links: stored.links,
         rays: report.rays,
         archive_bytes: stored.archive_bytes,
-        bytes_per_link: stored.row_bytes as f64 / links.max(1) as f64,
+        bytes_per_link: stored.row_bytes as f64 / stored.links.max(1) as f64,
         estimated_error: report.estimate.error,
         iterations: report.iterate.iterations as u32,
         residual: report.iterate.residual,

@@ -35,6 +35,8 @@ pub struct Plan {
     pub site_error: f64,
     /// Rounds of giving sites rows at the most.
     pub own_passes: usize,
+    /// Rays of such a row.
+    pub own_rays: u32,
     /// Rounds of splitting receivers at the most.
     pub passes: usize,
     /// Relative RMS error above which more points are asked.
@@ -74,6 +76,8 @@ impl Plan {
             interpolation: 0.5 * error,
             site_error: 10.0 * error,
             own_passes: 1,
+            // Measured: 32 to 64 rays give the error that 170 to 340 give, for a fifth of the cost.
+            own_rays: (rays / 6).clamp(32, 128),
             passes: 3,
             target: error,
             judges: 500,

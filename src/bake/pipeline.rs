@@ -121,7 +121,7 @@ pub fn build(
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
     let receivers = Receivers::settle(layout.around(grounds), placement);
     let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means);
-    let placed = receivers.rows.met.len();
+    let placed = receivers.ray_count();
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());
@@ -134,7 +134,7 @@ pub fn build(
 
     solve(&mut work, "solve", (plan, bounces), (monitor, &mut report))?;
     // Those of the receivers placed by geometry are counted already.
-    report.rays += (work.receivers.rows.met.len() - placed) as u64 + work.spread.rays;
+    report.rays += work.receivers.ray_count() - placed + work.spread.rays;
 
     let Work { layout, receivers, spread, solution, .. } = work;
     let Layout { sites, graph, cells, plots, albedo, exitance, direct, .. } = layout;

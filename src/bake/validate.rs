@@ -163,8 +163,8 @@ impl Sampler {
         let [u, v] = hash::unit_pair(seed ^ 0xa5a5, index);
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
         let offset = (s * cos + t * sin) * (reach * u.sqrt());
-        let (hit, back, point) = around.beside(&at, offset, reach)?;
+        let (hit, point) = around.beside(&at, offset, reach)?;
         let mesh = &around.scene.meshes[around.scene.mesh_of(hit.triangle)];
-        (mesh.two_sided || !back).then_some(point)
+        (mesh.two_sided || !hit.back).then_some(point)
     }
 }

@@ -7,8 +7,9 @@ use super::rows::FIRST_MARK;
 pub fn matrix(sites: usize, receivers: &Receivers, spread: &Spread) -> Vec<Vec<f64>> {
     let mut gather = vec![vec![0.0; sites]; receivers.len()];
     for (r, row) in gather.iter_mut().enumerate() {
-        let weight = f64::from(receivers.rows.weight(r));
-        for &m in receivers.rows.row(r).iter().filter(|&&m| m < FIRST_MARK) {
+        let (rows, r) = receivers.row(r);
+        let weight = f64::from(rows.weight(r));
+        for &m in rows.row(r).iter().filter(|&&m| m < FIRST_MARK) {
             row[m as usize] += weight;
         }
     }

@@ -13,7 +13,7 @@ pub mod rows;
 
 use glam::Vec3;
 
-use crate::geometry::{SurfacePoint, triangle};
+use crate::geometry::SurfacePoint;
 use crate::rays::{Bvh, Hit, Ray};
 use crate::scatter::surface::side_normal;
 use crate::scene::Scene;
@@ -56,42 +56,31 @@ fn covering(
     (by.map(|(_, id)| *id), rays)
 }
 
-/// Whether the ray meets the triangle's back.
-pub fn from_behind(scene: &Scene, ray: &Ray, hit: &Hit) -> bool {
-    triangle::area_vector(scene.corners(hit.triangle)).dot(ray.direction) > 0.0
-}
-
 impl<'a> Surroundings<'a> {
     /// What cells are filled from.
     pub fn ground(&self) -> Ground<'a> {
         Ground { scene: self.scene, bvh: self.bvh, sites: self.sites, graph: self.graph }
     }
 
-    /// The site that speaks for a side at a hit, or a mark of [`rows`].
+    /// The site that speaks for the side that was hit, or a mark of [`rows`].
     #[inline]
-    pub fn mark(&self, hit: &Hit, back: bool) -> u32 {
-        match self.cells.site(hit, back, self.ground()) {
+    pub fn mark(&self, hit: &Hit) -> u32 {
+        match self.cells.site(hit, hit.back, self.ground()) {
             Said::Site(site) => site.0,
             Said::Dead => rows::BLACK,
             Said::Nobody => rows::LOST,
         }
     }
 
-    /// Where the surface lies under or above a place beside a point, `rise` away at the most: the hit, whether from behind,
-    /// and the point with its side's normal.
-    pub fn beside(
-        &self,
-        centre: &SurfacePoint,
-        offset: Vec3,
-        rise: f32,
-    ) -> Option<(Hit, bool, SurfacePoint)> {
+    /// Where the surface lies under or above a place beside a point, `rise` away at the most: the hit, and the point with its
+    /// side's normal.
+    pub fn beside(&self, centre: &SurfacePoint, offset: Vec3, rise: f32) -> Option<(Hit, SurfacePoint)> {
         let origin = centre.position + offset + centre.normal * rise;
         let ray = Ray { origin, direction: -centre.normal, t_min: 0.0, t_max: 2.0 * rise };
         let hit = self.bvh.closest(&ray)?;
-        let back = from_behind(self.scene, &ray, &hit);
-        let normal = side_normal(self.scene, hit.triangle, back);
+        let normal = side_normal(self.scene, hit.triangle, hit.back);
         let position = origin + ray.direction * hit.distance;
-        Some((hit, back, SurfacePoint { position, normal }))
+        Some((hit, SurfacePoint { position, normal }))
     }
 
     /// The site that speaks for a surface point, and the point itself set onto the surface: a short ray finds the triangle
@@ -104,7 +93,7 @@ impl<'a> Surroundings<'a> {
             let ray = Ray { origin, direction: -point.normal, t_min: 0.0, t_max: 2.0 * lift };
             let Some(hit) = self.bvh.closest(&ray) else { continue };
             let set = SurfacePoint { position: origin - point.normal * hit.distance, normal: point.normal };
-            match self.mark(&hit, from_behind(self.scene, &ray, &hit)) {
+            match self.mark(&hit) {
                 rows::BLACK => return (None, set),
                 rows::LOST => {}
                 site => return (Some(SiteId(site)), set),

@@ -348,8 +348,10 @@ pub struct Receivers {
     pub homes: Vec<SiteId>,
     /// Visibility rays' ends are lifted by at most this much.
     pub lift: f32,
-    /// Their rows, numbered alike.
+    /// Long rows, of the first receivers: they are interpolated between.
     pub rows: Rows,
+    /// Short rows, of all further receivers: they serve as the radiosity at hits, where a row averages their noise.
+    pub own: Rows,
 }
 
 impl Receivers {
@@ -361,36 +363,37 @@ impl Receivers {
             index: placement.index,
             lift: LIFT_SHARE * placement.smallest_radius,
             rows: placement.raw.resolve(around),
+            own: Rows::default(),
         }
-    }
-
-    /// Adds receivers that speak for each other's surroundings from now on; their rows are shot and resolved here.
-    pub fn extend(&mut self, around: Surroundings<'_>, fresh: &[Support], seed: u64) {
-        let points: Vec<SurfacePoint> = fresh.iter().map(|s| s.point).collect();
-        let first = self.len() as u64;
-        let keys: Vec<u64> = (0..points.len() as u64).map(|k| hash::mix2(seed, first + k)).collect();
-        let mut raw = RawRows::new(self.rows.rays);
-        raw.extend((around.scene, around.bvh), &points, &keys);
-        let mut live = RawRows::new(self.rows.rays);
-        for (k, support) in fresh.iter().enumerate() {
-            if raw.summaries[k].is_dead(raw.rays) {
-                continue;
-            }
-            live.push(&raw, k);
-            self.index.push(*support);
-            self.homes.push(around.site_under(&support.point).unwrap_or(SiteId(0)));
-        }
-        self.rows.append(live.resolve(around));
     }
 
     /// How many receivers there are.
     pub fn len(&self) -> usize {
-        self.rows.len()
+        self.rows.len() + self.own.len()
     }
 
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
-        self.rows.is_empty()
+        self.len() == 0
+    }
+
+    /// The table that holds a receiver's row, and the row's number in it.
+    #[inline]
+    pub fn row(&self, receiver: usize) -> (&Rows, usize) {
+        match receiver.checked_sub(self.rows.len()) {
+            None => (&self.rows, receiver),
+            Some(own) => (&self.own, own),
+        }
+    }
+
+    /// Both tables, each with the number of its first receiver.
+    pub fn tables(&self) -> [(usize, &Rows); 2] {
+        [(0, &self.rows), (self.rows.len(), &self.own)]
+    }
+
+    /// Rays of all rows.
+    pub fn ray_count(&self) -> u64 {
+        self.tables().iter().map(|(_, rows)| rows.len() as u64 * u64::from(rows.rays)).sum()
     }
 }
 

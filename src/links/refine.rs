@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use super::receivers::Receivers;
+use super::rows::{RawRows, RowParams, Rows};
 use super::{Surroundings, covering};
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
 use crate::sites::SiteId;
@@ -22,7 +23,7 @@ const SAME_SURFACE: f32 = 0.2;
 
 /// Halves the radii of the chosen receivers and gives receivers of that radius to the surface that this leaves uncovered.
 ///
-/// Deterministic for any number of threads. Cost: about five rows and fifty short rays a receiver split.
+/// To be done before any [`own`]. Deterministic for any number of threads. Cost: about five rows and fifty short rays a receiver split.
 pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], seed: u64) {
     let mut supports = receivers.index.supports().to_vec();
     for &r in chosen {
@@ -55,10 +56,10 @@ pub fn split(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32]
     receivers.extend(around, fresh.supports(), seed);
 }
 
-/// Gives sites receivers of their own, save those that another's own receiver covers.
+/// Gives sites receivers of their own, save those that another's own receiver covers; no receiver is split any more.
 ///
 /// Cost: a row a receiver.
-pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], seed: u64) {
+pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], params: RowParams) {
     let mut fresh = SupportIndex::default();
     for &site in chosen {
         let point = around.sites.point(SiteId(site));
@@ -68,11 +69,55 @@ pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], 
             fresh.push(Support { point, radius: OWN_RADIUS * around.sites.spacings[site as usize] });
         }
     }
-    receivers.extend(around, fresh.supports(), seed);
+    receivers.extend_own(around, fresh.supports(), params);
 }
 
 /// Radius of a site's own receiver over the spacing of sites.
 const OWN_RADIUS: f32 = 1.5;
+
+impl Receivers {
+    /// Adds receivers that speak for each other's surroundings from now on; their rows, as long as the first, are shot and
+    /// resolved here.
+    ///
+    /// # Panics
+    /// When receivers with rows of their own are there already: numbers tell the two kinds apart, these come first.
+    fn extend(&mut self, around: Surroundings<'_>, fresh: &[Support], seed: u64) {
+        let own = self.own.len();
+        assert!(own == 0, "receivers are split before sites get rows of their own, but {own} sites have one");
+        let rows = self.shoot(around, fresh, RowParams { rays: self.rows.rays, seed });
+        self.rows.append(rows);
+    }
+
+    /// Adds receivers behind all others with rows of another length, always the same; shot and resolved here.
+    fn extend_own(&mut self, around: Surroundings<'_>, fresh: &[Support], params: RowParams) {
+        let rows = self.shoot(around, fresh, params);
+        if self.own.is_empty() {
+            self.own = rows;
+        } else {
+            self.own.append(rows);
+        }
+    }
+
+    /// Takes in those receivers that are not dead; their rows.
+    fn shoot(&mut self, around: Surroundings<'_>, fresh: &[Support], params: RowParams) -> Rows {
+        let RowParams { rays, seed } = params;
+        let points: Vec<SurfacePoint> = fresh.iter().map(|s| s.point).collect();
+        let first = self.len() as u64;
+        let keys: Vec<u64> = (0..points.len() as u64).map(|k| hash::mix2(seed, first + k)).collect();
+        let mut raw = RawRows::new(rays);
+        raw.extend((around.scene, around.bvh), &points, &keys);
+        let mut live = RawRows::new(rays);
+        for (k, support) in fresh.iter().enumerate() {
+            if raw.summaries[k].is_dead(rays) {
+                continue;
+            }
+            live.push(&raw, k);
+            self.index.push(*support);
+            self.homes.push(around.site_under(&support.point).unwrap_or(SiteId(0)));
+        }
+        live.resolve(around)
+    }
+}
 
 impl Surroundings<'_> {
     /// Point `i` of [`THROWN`] on the surface around another, within a radius; None where the surface ends or is dead.
@@ -81,8 +126,8 @@ impl Surroundings<'_> {
         let (s, t) = tangent_frame(centre.normal);
         let (sin, cos) = (std::f32::consts::TAU * v).sin_cos();
         let offset = (s * cos + t * sin) * (radius * u.sqrt());
-        let (hit, back, at) = self.beside(centre, offset, 0.5 * radius)?;
-        let live = matches!(self.cells.site(&hit, back, self.ground()), Said::Site(_));
+        let (hit, at) = self.beside(centre, offset, 0.5 * radius)?;
+        let live = matches!(self.cells.site(&hit, hit.back, self.ground()), Said::Site(_));
         (live && at.normal.dot(centre.normal) > SAME_SURFACE).then_some(at)
     }
 }

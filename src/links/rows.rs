@@ -143,12 +143,12 @@ impl RawHit {
         if self.side >= FIRST_MARK {
             return self.side;
         }
-        let hit = Hit { distance: 0.0, triangle: self.side >> 1, u: self.u, v: self.v };
-        around.mark(&hit, self.side & 1 == 1)
+        let back = self.side & 1 == 1;
+        around.mark(&Hit { distance: 0.0, triangle: self.side >> 1, u: self.u, v: self.v, back })
     }
 }
 
-/// The rays of all receivers, equally many each.
+/// The rays of some receivers, equally many each.
 #[derive(Debug, Clone, Default)]
 pub struct Rows {
     /// Rays a row.
@@ -173,7 +173,11 @@ impl Rows {
     }
 
     /// Adds the rows of others, which have as many rays each.
+    ///
+    /// # Panics
+    /// When they have not.
     pub fn append(&mut self, mut others: Self) {
+        assert_eq!(self.rays, others.rays, "rows of one table are equally long");
         self.keys.append(&mut others.keys);
         self.met.append(&mut others.met);
         self.summaries.append(&mut others.summaries);
@@ -290,12 +294,11 @@ fn shoot(
         };
         summary.hits += 1;
         summary.inverse_distance += 1.0 / hit.distance.max(crate::geometry::LIFT);
-        let back = super::from_behind(scene, &ray, &hit);
-        if back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
+        if hit.back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
             summary.black += 1;
             place.side = BLACK;
         } else {
-            *place = RawHit { side: hit.triangle << 1 | u32::from(back), u: hit.u, v: hit.v };
+            *place = RawHit { side: hit.triangle << 1 | u32::from(hit.back), u: hit.u, v: hit.v };
         }
     }
     summary

@@ -374,6 +374,7 @@ fn nearest_of(packet: &Packet, sheared: &Sheared, t_min: f32, t_max: &mut f32, b
         triangle: packet.triangle[lane],
         u: lanes(_mm_mul_ps(edges.v, reciprocal))[lane],
         v: lanes(_mm_mul_ps(edges.w, reciprocal))[lane],
+        back: _mm_movemask_ps(reciprocal) >> lane & 1 != 0,
     });
 }
 

@@ -55,6 +55,9 @@ pub struct Hit {
     pub u: f32,
     /// Barycentric coordinate of the third corner.
     pub v: f32,
+    /// Whether the ray met the triangle's back: it goes along the normal by the corners' winding. Where it runs within
+    /// rounding of the triangle's plane, either answer may be given.
+    pub back: bool,
 }
 
 /// The hierarchy over borrowed arrays: an owned one's or a mapped archive's.

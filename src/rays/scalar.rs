@@ -147,6 +147,8 @@ fn meet_lane(packet: &Packet, lane: usize, ray: &Prepared) -> Option<Hit> {
         triangle: packet.triangle[lane],
         u: v * reciprocal,
         v: w * reciprocal,
+        // Looking along the ray, the edge functions of a front are positive.
+        back: determinant < 0.0,
     })
 }
 

@@ -145,10 +145,12 @@ impl Field<'_> {
         if near.len() < FEWEST {
             return rays;
         }
-        let told = self.problem.receivers.rows.rays;
-        let square: f32 = near.iter().map(|&r| self.solution.noise[r as usize].powi(2)).sum();
-        let excess = (square / near.len() as f32).sqrt() / (noise * self.solution.level).max(f32::MIN_POSITIVE);
-        let wanted = told as f32 * excess.powf(1.0 / LATTICE_ORDER);
+        let allowed = (noise * self.solution.level).max(f32::MIN_POSITIVE);
+        let by = |&r: &u32| {
+            let (rows, _) = self.problem.receivers.row(r as usize);
+            rows.rays as f32 * (self.solution.noise[r as usize] / allowed).powf(1.0 / LATTICE_ORDER)
+        };
+        let wanted = near.iter().map(by).sum::<f32>() / near.len() as f32;
         (wanted as u32).clamp(FEWEST_RAYS, most_rays.max(FEWEST_RAYS))
     }
 }

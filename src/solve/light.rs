@@ -39,7 +39,7 @@ impl Problem<'_> {
             .into_par_iter()
             .with_min_len(16)
             .map_init(Vec::new, |seen, r| {
-                self.row_light((&self.receivers.rows, r), supports[r].point.normal, radiosity, seen)
+                self.row_light(self.receivers.row(r), supports[r].point.normal, radiosity, seen)
             })
             .collect()
     }
@@ -55,15 +55,15 @@ impl Problem<'_> {
 
     /// Irradiance at receivers straight from the sky.
     pub(super) fn sky_light(&self) -> Vec<Rgb> {
-        let rows = &self.receivers.rows;
         if self.sky.is_none() {
-            return vec![Rgb::ZERO; rows.len()];
+            return vec![Rgb::ZERO; self.receivers.len()];
         }
-        let lattice = rows::lattice(rows.rays);
-        (0..rows.len())
+        (0..self.receivers.len())
             .into_par_iter()
             .map(|r| {
                 let normal = self.receivers.index.supports()[r].point.normal;
+                let (rows, r) = self.receivers.row(r);
+                let lattice = rows::lattice(rows.rays);
                 let directions = Directions::new(normal, rows.keys[r], rows.rays);
                 let of_sky = |(at, &met): (&LatticePoint, &u32)| {
                     (met == SKY).then(|| self.ray_light(SKY, || directions.at(*at), &[]))

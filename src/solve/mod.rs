@@ -65,7 +65,7 @@ pub struct Solution {
 impl Problem<'_> {
     /// Solves for the light.
     pub fn solve(&self, params: &IterateParams) -> (Solution, IterateReport) {
-        let transport = Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo };
+        let transport = Transport { receivers: self.receivers, spread: self.spread, albedo: self.albedo };
         let own = self.unreflected();
         let sky = self.sky_light();
         let mut first = transport.gather(&own);
@@ -96,8 +96,10 @@ impl Problem<'_> {
     /// How much the surface around each site counts: its area times the share of rays that meet surfaces there. An endless
     /// plane under an open sky has area without end and nothing to get wrong.
     pub fn exchange(&self) -> Vec<f64> {
-        let rows = &self.receivers.rows;
-        let share = |(&r, &w): (&u32, &f32)| rows.summaries[r as usize].hits as f32 / rows.rays as f32 * w;
+        let share = |(&r, &w): (&u32, &f32)| {
+            let (rows, r) = self.receivers.row(r as usize);
+            rows.summaries[r].hits as f32 / rows.rays as f32 * w
+        };
         (0..self.around.sites.len())
             .map(|site| {
                 let weights = self.spread.weights_of(site);

@@ -4,15 +4,15 @@ use rayon::prelude::*;
 
 use crate::light::Rgb;
 use crate::links::compress::merged::{Block, RUN};
-use crate::links::receivers::Spread;
-use crate::links::rows::{BLACK, LOST, RowSummary, Rows, SKY};
+use crate::links::receivers::{Receivers, Spread};
+use crate::links::rows::{BLACK, LOST, SKY};
 
 /// The linear map from irradiance at receivers to irradiance at receivers, one bounce later.
 ///
 /// H′ = G·ρ·P·H, without lamps and sky. ‖GP‖∞ ≤ 1, so the spectral radius is at most the largest albedo.
 pub struct Transport<'a> {
     /// Rows G.
-    pub rows: &'a Rows,
+    pub receivers: &'a Receivers,
     /// Interpolation P.
     pub spread: &'a Spread,
     /// ρ per site.
@@ -52,15 +52,16 @@ impl Transport<'_> {
     /// Accuracy: a row's sum errs by less than 9 ε of the sum of magnitudes. The same for any number of threads.
     pub fn gather(&self, radiosity: &[Rgb]) -> Vec<Rgb> {
         let slots = Slots::new(radiosity);
-        (0..self.rows.len())
+        (0..self.receivers.len())
             .into_par_iter()
             .with_min_len(64)
             .map(|r| {
+                let (rows, r) = self.receivers.row(r);
                 let mut sum = Sum::default();
-                for part in self.rows.row(r).chunks(PART) {
+                for part in rows.row(r).chunks(PART) {
                     sum.add(part.iter().fold([0.0; 4], |sum, &met| plus(sum, slots.of(met))));
                 }
-                sum.mean(self.rows.rays, self.rows.summaries[r].escaped)
+                sum.mean(rows.rays, rows.summaries[r].escaped)
             })
             .collect()
     }
@@ -71,32 +72,31 @@ impl Transport<'_> {
     }
 }
 
-/// G·B from links as they are stored: blocks of all rows in order, each read once from front to back.
+/// G·B from links as they are stored: blocks of all rows in order, each read once from front to back. Of the receivers
+/// only the rows' summaries are asked.
 ///
 /// The same rows as [`Transport::gather`] has, hence the same sums but for rounding, and the same for any number of threads.
 /// Errors with a description when a block is damaged.
 pub fn gather_stored(
     blocks: &[Block<'_>],
-    summaries: &[RowSummary],
+    receivers: &Receivers,
     radiosity: &[Rgb],
 ) -> Result<Vec<Rgb>, String> {
     let slots = Slots::new(radiosity);
     let mut irradiance = vec![Rgb::ZERO; blocks.iter().map(Block::rows).sum()];
-    if summaries.len() != irradiance.len() {
-        return Err(format!("{} summaries of {} rows", summaries.len(), irradiance.len()));
+    if receivers.len() != irradiance.len() {
+        return Err(format!("{} summaries of {} rows", receivers.len(), irradiance.len()));
     }
     let mut rest = irradiance.as_mut_slice();
-    let mut ahead = summaries;
+    let mut first = 0;
     let mut runs = Vec::new();
     for block in blocks {
         let (own, others) = rest.split_at_mut(block.rows());
-        let (told, further) = ahead.split_at(block.rows());
-        runs.extend(
-            own.chunks_mut(RUN).zip(told.chunks(RUN)).enumerate().map(|(run, out)| (block, run, out)),
-        );
-        (rest, ahead) = (others, further);
+        runs.extend(own.chunks_mut(RUN).enumerate().map(|(run, out)| (block, first, run, out)));
+        first += block.rows();
+        rest = others;
     }
-    runs.into_par_iter().try_for_each(|(block, run, (out, told))| {
+    runs.into_par_iter().try_for_each(|(block, first, run, out)| {
         let link = |sum: &mut Sum, site: u32, count: u32| match slots.0.get(site as usize) {
             Some(&slot) if (site as usize) < radiosity.len() => {
                 sum.link(slot, count as f32);
@@ -105,10 +105,11 @@ pub fn gather_stored(
             _ => false,
         };
         let row = |r: usize, mut sum: Sum, lost: u32| {
-            let summary = &told[r - run * RUN];
-            let known = block.rays().saturating_sub(lost).saturating_sub(summary.escaped);
+            let (rows, own) = receivers.row(first + r);
+            let escaped = rows.summaries[own].escaped;
+            let known = block.rays().saturating_sub(lost).saturating_sub(escaped);
             sum.0[3] = f64::from(known);
-            out[r - run * RUN] = sum.mean(block.rays(), summary.escaped);
+            out[r - run * RUN] = sum.mean(block.rays(), escaped);
         };
         block.fold(run, link, row)
     })?;

@@ -108,7 +108,7 @@ fn repaint(model: &mut Model, albedo: f32) {
 fn mean_at_sites(model: &Model) -> f64 {
     let problem = model.problem();
     let transport =
-        Transport { rows: &problem.receivers.rows, spread: problem.spread, albedo: problem.albedo };
+        Transport { receivers: problem.receivers, spread: problem.spread, albedo: problem.albedo };
     let light = transport.push(&model.solution.irradiance);
     let areas = model.sites.areas.iter().map(|&a| f64::from(a));
     let total: f64 = areas.clone().sum();

@@ -33,7 +33,7 @@ fn baked(albedo: f32, error: f64, bounces: Option<usize>) -> Model {
 }
 
 fn transport(model: &Model) -> Transport<'_> {
-    Transport { rows: &model.receivers.rows, spread: &model.spread, albedo: &model.albedo }
+    Transport { receivers: &model.receivers, spread: &model.spread, albedo: &model.albedo }
 }
 
 #[test]

@@ -37,13 +37,13 @@ pub struct Summary {
     pub sites: u64,
     /// Levels of the hierarchy.
     pub levels: u32,
-    /// Links stored.
+    /// Links stored: pairs of a receiver and a site that some of its rays met.
     pub links: u64,
     /// Rays traced.
     pub rays: u64,
     /// Bytes of the job's archives on disk.
     pub archive_bytes: u64,
-    /// `archive_bytes` of the link rows per link.
+    /// Bytes of the stored rows, links and the order of their rays, per link.
     pub bytes_per_link: f64,
     /// The program's own estimate of the relative RMS error of irradiance.
     pub estimated_error: f64,

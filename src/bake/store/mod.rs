@@ -1,40 +1,26 @@
 //! A model as files of a job, and back.
 
 pub mod record;
+mod rows;
 
 use std::path::Path;
 
 use glam::{Mat3, Vec3};
 
-use crate::archive::{Archive, Block, Digests, Encoded, Tag, Writer};
+use crate::archive::{Archive, Digests, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
 use crate::error::{Error, Result};
-use crate::geometry::SurfacePoint;
-use crate::links::compress::order::View;
-use crate::links::compress::{self, merged, order};
 use crate::links::direct::{Direct, DirectParams, LampLink};
 use crate::links::lamps::{self, Lamp, LampTree};
 use crate::links::receivers::{Receivers, Spread};
-use crate::links::rows::{RowSummary, Rows};
 use crate::rays::Bvh;
 use crate::scatter::surface::{Piece, Surface};
 use crate::scene::Scene;
-use crate::sites::{Cells, Neighbours, Plot, SiteArrays, SiteId, Sites};
+use crate::sites::{Cells, Neighbours, Plot, SiteArrays, Sites};
 use crate::solve::Solution;
 use crate::solve::field::FieldParams;
-use crate::tree::Support;
-use crate::tree::index::SupportIndex;
 use record::SceneRecord;
-
-/// Rows per block of links.
-const BLOCK_ROWS: usize = 4096;
-/// Longer rows are no rows: bounds what a claim makes a reader allocate.
-const MOST_RAYS: u32 = 1 << 16;
-/// The codec of links: [`compress::merged`].
-const LINKS_CODEC: u16 = 2;
-/// The codec of the rays' order: [`compress::order`].
-const ORDER_CODEC: u16 = 4;
 
 const PROGRAM: &str = concat!("glowtree ", env!("CARGO_PKG_VERSION"));
 
@@ -51,6 +37,8 @@ pub struct StoreReport {
     pub row_bytes: u64,
     /// Of it the links: all that the product needs.
     pub link_bytes: u64,
+    /// Links: pairs of a receiver and a site that some of its rays met.
+    pub links: u64,
     /// Blocks written.
     pub blocks: u64,
 }
@@ -236,47 +224,11 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     let sites = 0..model.sites.len() as u64;
     let mut w = create(job, "links", digests)?;
     write_lamp_links(&mut w, &model.direct)?;
-    let receivers = &model.receivers;
-    let all = 0..receivers.len() as u64;
-    let ids: Vec<u32> = receivers.homes.iter().map(|s| s.0).collect();
-    let radii: Vec<f32> = receivers.index.supports().iter().map(|s| s.radius).collect();
-    let counts: Vec<[u32; 4]> = receivers
-        .rows
-        .summaries
-        .iter()
-        .map(|s| [s.hits, s.inverse_distance.to_bits(), s.black, s.escaped])
-        .collect();
-    w.append(tag("rays"), 0..1, &[receivers.rows.rays])?;
-    w.append(tag("receiver"), all.clone(), &ids)?;
-    w.append(tag("radius"), all.clone(), &radii)?;
-    let points: Vec<[Vec3; 2]> =
-        receivers.index.supports().iter().map(|s| [s.point.position, s.point.normal]).collect();
-    w.append(tag("point"), all.clone(), &points)?;
-    w.append(tag("row_key"), all.clone(), &receivers.rows.keys)?;
-    w.append(tag("row_sums"), all, &counts)?;
-    write_rows(&mut w, model, report)?;
+    rows::write(&mut w, model, report)?;
     w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;
     w.append(tag("fit_to"), sites.clone(), &model.spread.receivers)?;
     w.append(tag("fit_by"), sites, &model.spread.weights)?;
     finish(w, report)
-}
-
-/// Rows in blocks, links and order each.
-fn write_rows(w: &mut Writer, model: &Model, report: &mut StoreReport) -> Result<()> {
-    let rows = &model.receivers.rows;
-    let view = View { supports: model.receivers.index.supports(), positions: &model.sites.positions };
-    for first in (0..rows.len()).step_by(BLOCK_ROWS) {
-        let last = (first + BLOCK_ROWS).min(rows.len());
-        let links = merged::encode(rows, (first, last));
-        let order = order::encode(view, rows, (first, last));
-        report.link_bytes += links.len() as u64;
-        report.row_bytes += (links.len() + order.len()) as u64;
-        let raw_bytes = (last - first) as u64 * u64::from(rows.rays) * 4;
-        let encoded = |codec, bytes| Encoded { codec, width_bytes: 4, raw_bytes, bytes };
-        w.append_bytes(tag("rows"), first as u64..last as u64, encoded(LINKS_CODEC, &links))?;
-        w.append_bytes(tag("order"), first as u64..last as u64, encoded(ORDER_CODEC, &order))?;
-    }
-    Ok(())
 }
 
 /// The bit of a link's cluster that says penumbra.
@@ -333,95 +285,13 @@ fn read_links(
     };
     same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
     same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;
-    let receivers = read_receivers(&archive, sites, purpose)?;
+    let receivers = rows::read(&archive, sites, purpose)?;
     let ascends =
         spread.offsets.is_sorted() && spread.offsets.last() == Some(&(spread.receivers.len() as u32));
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
         return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
     }
     Ok((direct, receivers, spread))
-}
-
-fn read_receivers(archive: &Archive, sites: &Sites, purpose: Purpose) -> Result<Receivers> {
-    let ids: &[u32] = archive.array(tag("receiver"))?;
-    let radii: &[f32] = archive.array(tag("radius"))?;
-    let keys: &[u64] = archive.array(tag("row_key"))?;
-    let counts: &[[u32; 4]] = archive.array(tag("row_sums"))?;
-    let &[rays] = archive.array::<u32>(tag("rays"))? else {
-        return Err(damaged(archive, "rays", "expected one entry"));
-    };
-    same_length(archive, "radius", radii, ids.len())?;
-    same_length(archive, "row_key", keys, ids.len())?;
-    same_length(archive, "row_sums", counts, ids.len())?;
-    if ids.iter().any(|&s| s as usize >= sites.len()) {
-        return Err(damaged(archive, "receiver", format!("expected sites below {}", sites.len())));
-    }
-    let points: &[[Vec3; 2]] = archive.array(tag("point"))?;
-    same_length(archive, "point", points, ids.len())?;
-    let supports: Vec<Support> = points
-        .iter()
-        .zip(radii)
-        .map(|(&[position, normal], &radius)| Support { point: SurfacePoint { position, normal }, radius })
-        .collect();
-    let summaries = counts.iter().map(|&[hits, sum, black, escaped]| RowSummary {
-        hits,
-        inverse_distance: f32::from_bits(sum),
-        black,
-        escaped,
-    });
-    let met = match purpose {
-        Purpose::Light => read_rows(archive, (&supports, keys, rays), sites)?,
-        Purpose::Answers => untouched(archive)?,
-    };
-    let rows = Rows { rays, keys: keys.to_vec(), met, summaries: summaries.collect() };
-    let homes = ids.iter().map(|&s| SiteId(s)).collect();
-    Ok(Receivers { homes, lift: 0.0, index: SupportIndex::new(&supports), rows })
-}
-
-/// No rows, once their bytes are known to be whole.
-fn untouched(archive: &Archive) -> Result<Vec<u32>> {
-    for block in archive.blocks(tag("rows")).chain(archive.blocks(tag("order"))) {
-        block.stored()?;
-    }
-    Ok(Vec::new())
-}
-
-fn read_rows(
-    archive: &Archive,
-    (supports, keys, rays): (&[Support], &[u64], u32),
-    sites: &Sites,
-) -> Result<Vec<u32>> {
-    let view = View { supports, positions: &sites.positions };
-    if rays > MOST_RAYS {
-        return Err(damaged(archive, "rays", format!("expected {MOST_RAYS} at the most, got {rays}")));
-    }
-    let mut met = Vec::new();
-    let mut next = 0;
-    for (links, order) in archive.blocks(tag("rows")).zip(archive.blocks(tag("order"))) {
-        expect_codec(archive, &links, LINKS_CODEC)?;
-        expect_codec(archive, &order, ORDER_CODEC)?;
-        let range = links.range();
-        if range != order.range() || range.start != next || range.end > keys.len() as u64 {
-            let problem = format!("rows {range:?} with the order of {:?}, after {next}", order.range());
-            return Err(damaged(archive, "rows", problem));
-        }
-        next = range.end;
-        let start = met.len();
-        met.resize(next as usize * rays as usize, 0);
-        let place = (view, keys, range.start as usize);
-        compress::decode((links.stored()?, order.stored()?), place, rays, &mut met[start..])
-            .map_err(|problem| damaged(archive, "rows", problem))?;
-    }
-    same_length(archive, "rows", &met, keys.len() * rays as usize)?;
-    Ok(met)
-}
-
-fn expect_codec(archive: &Archive, block: &Block<'_>, codec: u16) -> Result<()> {
-    if block.entry().codec == codec {
-        return Ok(());
-    }
-    let problem = format!("expected codec {codec}, got {}: bake again", block.entry().codec);
-    Err(damaged(archive, &block.entry().tag.to_string(), problem))
 }
 
 fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {

@@ -6,6 +6,7 @@ use crate::bake::report::progress::Monitor;
 use crate::error::Result;
 use crate::light::mean_channel;
 use crate::links::receivers::Receivers;
+use crate::links::rows::RowParams;
 use crate::links::{Surroundings, refine};
 use crate::solve::{Problem, Solution};
 
@@ -45,15 +46,15 @@ pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result
         extend(work, |around, receivers| refine::split(around, receivers, &chosen, seed));
     }
     // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own. What is wrong with
-    // single sites mostly averages out over a row.
+    // single sites mostly averages out over a row, as the noise of short rows does.
     for _ in 0..plan.own_passes {
         monitor.check()?;
         let chosen = work.problem().doubtful_sites(&work.solution, plan.site_error);
         if chosen.is_empty() {
             break;
         }
-        let seed = plan.receivers.rows.seed ^ 0x0a5;
-        extend(work, |around, receivers| refine::own(around, receivers, &chosen, seed));
+        let params = RowParams { rays: plan.own_rays, seed: plan.receivers.rows.seed ^ 0x0a5 };
+        extend(work, |around, receivers| refine::own(around, receivers, &chosen, params));
     }
     Ok(())
 }

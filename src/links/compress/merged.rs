@@ -120,21 +120,24 @@ impl Links {
 }
 
 /// The links of rows `first..last` as bytes: offsets of the streams (u32), streams, zeros. A run is a stream of sites and one
-/// of counts, so that the processor decodes both at a time.
-pub fn encode(rows: &Rows, (first, last): (usize, usize)) -> Vec<u8> {
+/// of counts, so that the processor decodes both at a time. Returns how many links they are, too.
+pub fn encode(rows: &Rows, (first, last): (usize, usize)) -> (Vec<u8>, u64) {
     let run = |start: usize| {
         let (mut sites, mut counts) = (BitWriter::default(), BitWriter::default());
         let (mut merged, mut links) = (Merged::default(), Links::default());
+        let mut number = 0;
         for r in start..(start + RUN).min(last) {
             links.merge(rows.row(r), &mut merged);
             merged.write(&mut sites, &mut counts);
+            number += merged.sites.len() as u64;
         }
-        [sites.finish(), counts.finish()]
+        ([sites.finish(), counts.finish()], number)
     };
-    let runs: Vec<[Vec<u8>; 2]> = (first..last).into_par_iter().step_by(RUN).map(run).collect();
+    let (runs, numbers): (Vec<[Vec<u8>; 2]>, Vec<u64>) =
+        (first..last).into_par_iter().step_by(RUN).map(run).unzip();
     let mut bytes = super::concatenate(runs.into_iter().flatten().collect());
     bytes.extend([0; SLACK_BYTES]);
-    bytes
+    (bytes, numbers.into_iter().sum())
 }
 
 /// A block of links as stored, to be read run by run, in any order and by any number of threads.

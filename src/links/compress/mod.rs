@@ -127,7 +127,7 @@ mod tests {
             let (rows, (supports, positions)) = (rows(count, 900), places(count, 900));
             let view = View { supports: &supports, positions: &positions };
             let whole = (0, count as usize);
-            let (links, order) = (merged::encode(&rows, whole), order::encode(view, &rows, whole));
+            let (links, order) = (merged::encode(&rows, whole).0, order::encode(view, &rows, whole));
             let mut met = vec![0; rows.met.len()];
             decode((&links, &order), (view, &rows.keys, 0), RAYS, &mut met).expect("what was written");
             assert!(met == rows.met, "{count} rows");
@@ -138,7 +138,7 @@ mod tests {
     fn damage_is_named_or_harmless() {
         let (rows, (supports, positions)) = (rows(70, 900), places(70, 900));
         let view = View { supports: &supports, positions: &positions };
-        let (links, order) = (merged::encode(&rows, (0, 70)), order::encode(view, &rows, (0, 70)));
+        let (links, order) = (merged::encode(&rows, (0, 70)).0, order::encode(view, &rows, (0, 70)));
         let mut met = vec![0; rows.met.len()];
         let mut read = |links: &[u8], order: &[u8]| {
             let outcome = decode((links, order), (view, &rows.keys, 0), RAYS, &mut met);
@@ -165,7 +165,7 @@ mod tests {
     fn sites_that_are_not_there_are_named() {
         let (rows, (supports, positions)) = (rows(9, 900), places(9, 900));
         let (few, many) = (&positions[..400], View { supports: &supports, positions: &positions });
-        let (links, order) = (merged::encode(&rows, (0, 9)), order::encode(many, &rows, (0, 9)));
+        let (links, order) = (merged::encode(&rows, (0, 9)).0, order::encode(many, &rows, (0, 9)));
         let view = View { supports: &supports, positions: few };
         let mut met = vec![0; rows.met.len()];
         let problem = decode((&links, &order), (view, &rows.keys, 0), RAYS, &mut met).unwrap_err();
