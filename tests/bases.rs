@@ -2,6 +2,8 @@
 //!
 //! The table of `docs/bases.md`: `cargo test --release --test bases -- --nocapture`.
 
+#![allow(clippy::unwrap_used)] // a test that cannot go on panics where it stands
+
 mod shapes;
 
 use glam::{DVec3, Vec3};
@@ -282,8 +284,8 @@ fn closed(size: DVec3, albedo: f32, all: bool) -> Vec<shapes::Part> {
     faces.map(|(k, f)| shapes::part("shell", f.flipped(), albedo).exitance(glowing(k))).collect()
 }
 
-fn bake(scene: Scene, plan: Plan) -> Model {
-    build(scene, &plan, None, &Silent).expect("nothing interrupts").0
+fn bake(scene: Scene, plan: &Plan) -> Model {
+    build(scene, plan, None, &Silent).expect("nothing interrupts").0
 }
 
 /// Mean-channel irradiance at points of the six walls, by their place along x.
@@ -304,7 +306,7 @@ fn walls(model: &Model) -> Vec<(f64, f64)> {
 fn the_furnace_glows_evenly_in_every_basis() {
     for basis in Basis::ALL {
         let scene = shapes::scene(&closed(DVec3::ONE, 0.5, true));
-        let model = bake(scene, Plan { basis, ..Plan::new(0.03, 1) });
+        let model = bake(scene, &Plan { basis, ..Plan::new(0.03, 1) });
         // B = 1 / (1 − ½) = 2 = H. Rows all see 2 and every basis reproduces constants; the solver stops at 3e-4 · ½ of the first
         // bounce, which leaves at most 3e-4.
         for (x, light) in walls(&model) {
@@ -319,7 +321,7 @@ fn no_basis_leaks_through_a_sheet() {
     parts.push(shapes::part("wall", shapes::quad(DVec3::X, DVec3::Y, DVec3::Z, 1), 0.7).two_sided());
     let mut means = Vec::new();
     for basis in Basis::ALL {
-        let model = bake(shapes::scene(&parts), Plan { basis, ..Plan::new(0.03, 1) });
+        let model = bake(shapes::scene(&parts), &Plan { basis, ..Plan::new(0.03, 1) });
         let all = walls(&model);
         let mean = |side: &dyn Fn(f64) -> bool| {
             let of: Vec<f64> = all.iter().filter(|w| side(w.0)).map(|w| w.1).collect();
@@ -338,7 +340,7 @@ fn no_basis_leaks_through_a_sheet() {
 #[test]
 fn the_dense_operator_makes_light() {
     let scene = || shapes::scene(&closed(DVec3::ONE, 0.5, true));
-    let model = bake(scene(), Plan { operator: Operator::Dense, ..Plan::new(0.2, 1) });
+    let model = bake(scene(), &Plan { operator: Operator::Dense, ..Plan::new(0.2, 1) });
     let around = model.around();
     let dense = glowtree::links::points::Dense::couple(around, &model.receivers);
     let sums = dense.gather(&vec![glowtree::light::Rgb::ONE; model.sites.len()]);
