@@ -21,6 +21,8 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         error: request.error,
         max_bounces: request.max_bounces,
         seed: request.seed,
+        basis: request.basis,
+        operator: request.operator,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,
