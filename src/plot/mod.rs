@@ -1,7 +1,7 @@
 //! Figures that a paper could print, as SVG and PNG from one description, without any of the system's fonts.
 //!
 //! A [`Chart`] is data with axes: lines, markers, bars. A [`Figure`] is the page beneath: lines, areas, discs, text and
-//! pictures in order, for what is no chart.
+//! pictures in order, for what is no chart. [`job`] draws what a job holds.
 //!
 //! ```
 //! use glowtree::plot::{Axis, Chart, Series, Style};
@@ -17,6 +17,8 @@
 pub mod axis;
 pub mod canvas;
 pub mod chart;
+pub mod job;
+pub mod key;
 pub mod palette;
 mod panel;
 mod series;

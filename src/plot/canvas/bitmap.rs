@@ -24,15 +24,22 @@ pub fn png(figure: &Figure) -> Result<Vec<u8>> {
     encoded(width, height, &bytes)
 }
 
-/// Packs red, green and blue bytes as PNG.
+/// Packs red, green and blue bytes as PNG, with or without guessing at slopes: whichever is smaller.
 pub fn encoded(width: u32, height: u32, bytes: &[u8]) -> Result<Vec<u8>> {
     use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-    let mut packed = Vec::new();
-    // Flat colours pack best without filters guessing at slopes.
-    let encoder = PngEncoder::new_with_quality(&mut packed, CompressionType::Best, FilterType::Adaptive);
-    image::ImageEncoder::write_image(encoder, bytes, width, height, image::ExtendedColorType::Rgb8)
-        .map_err(|e| Error::Usage(format!("a figure of {width} × {height} pixels cannot be packed: {e}")))?;
-    Ok(packed)
+    let mut smallest: Option<Vec<u8>> = None;
+    for filter in [FilterType::NoFilter, FilterType::Adaptive] {
+        let mut packed = Vec::new();
+        let encoder = PngEncoder::new_with_quality(&mut packed, CompressionType::Best, filter);
+        image::ImageEncoder::write_image(encoder, bytes, width, height, image::ExtendedColorType::Rgb8)
+            .map_err(|e| {
+                Error::Usage(format!("a figure of {width} × {height} pixels cannot be packed: {e}"))
+            })?;
+        if smallest.as_ref().is_none_or(|s| packed.len() < s.len()) {
+            smallest = Some(packed);
+        }
+    }
+    Ok(smallest.unwrap_or_default())
 }
 
 /// The page so far, and what of it may be drawn on.
