@@ -33,7 +33,7 @@ fn scene() -> Scene {
 /// `finer` places more receivers by geometry, `passes` splits them.
 fn baked(finer: f32, passes: usize) -> Model {
     let mut plan = Plan::new(0.02, 3);
-    (plan.passes, plan.own_passes) = (passes, 0);
+    (plan.passes, plan.site_error) = (passes, f64::INFINITY);
     // Rows' noise must not hide the error of interpolation.
     plan.receivers.rows.rays = 1024;
     // Points in corners that nothing is known of gather for themselves; all others are interpolated.
@@ -125,7 +125,7 @@ fn nothing_is_split_where_light_is_uniform() {
 fn nothing_is_split_once_sites_have_rows_of_their_own() {
     let cube = shapes::cuboid(DVec3::ZERO, DVec3::ONE, 2).flipped();
     let scene = shapes::scene(&[part("cube", cube, 0.5).exitance(1.0)]);
-    let plan = Plan { own_passes: 0, ..Plan::new(0.05, 1) };
+    let plan = Plan { site_error: f64::INFINITY, ..Plan::new(0.05, 1) };
     let mut model = build(scene, &plan, None, &Silent).expect("nothing interrupts").0;
     let mut receivers = std::mem::take(&mut model.receivers);
     let around = model.field().problem.around;

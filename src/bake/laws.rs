@@ -39,8 +39,6 @@ pub struct Plan {
     pub interpolation: f64,
     /// Claimed relative RMS error of the sites above which some get rows of their own.
     pub site_error: f64,
-    /// Rounds of giving sites rows at the most.
-    pub own_passes: usize,
     /// Rays of such a row.
     pub own_rays: u32,
     /// Rounds of splitting receivers at the most.
@@ -83,7 +81,6 @@ impl Plan {
             point_noise: 0.7 * error,
             interpolation: 0.5 * error,
             site_error: 10.0 * error,
-            own_passes: 1,
             // Measured: 32 to 64 rays give the error that 170 to 340 give, for a fifth of the cost.
             own_rays: (rays / 6).clamp(32, 128),
             passes: 3,

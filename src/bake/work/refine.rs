@@ -22,19 +22,16 @@ const LEFT_BY_SPLIT: f64 = 0.1;
 /// One pass lowers the square of the error to this share at the most: the worst first, then they are looked at again.
 const LEFT_BY_PASS: f64 = 0.25;
 
-/// Splitting makes of the receivers placed by geometry at most this many times as many.
-const MOST_GROWTH: usize = 4;
-
-/// Only receivers that lose at least this many times their equal share of the budget are split: where all of a rugged
-/// surface loses a little more than allowed, its points gather for themselves at less cost.
-const WORTH: f64 = 15.0;
+/// Splitting adds at most a receiver for so many that geometry placed: where more are asked for, all of a rugged surface
+/// asks, and its points gather for themselves at less cost.
+const PLACED_PER_SPLIT: usize = 2;
 
 /// A split adds about this many receivers.
 const MADE_BY_SPLIT: usize = 5;
 
 /// Splits receivers until the error of interpolation is within its budget; the solution is carried along.
 pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result<()> {
-    let most = MOST_GROWTH * work.receivers.len();
+    let most = work.receivers.len() + work.receivers.len() / PLACED_PER_SPLIT;
     for _ in 0..plan.passes {
         monitor.check()?;
         let room = (most.saturating_sub(work.receivers.len()) / MADE_BY_SPLIT).min(work.receivers.len() / 4);
@@ -47,9 +44,10 @@ pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result
     }
     // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own. What is wrong with
     // single sites mostly averages out over a row, as the noise of short rows does.
-    for _ in 0..plan.own_passes {
+    // What is left after the first pass sees no receiver at all.
+    for limit in [plan.site_error, f64::INFINITY] {
         monitor.check()?;
-        let chosen = work.problem().doubtful_sites(&work.solution, plan.site_error);
+        let chosen = work.problem().doubtful_sites(&work.solution, limit);
         if chosen.is_empty() {
             break;
         }
@@ -91,13 +89,12 @@ fn choose(problem: &Problem<'_>, solution: &Solution, (budget, room): (f64, usiz
         stakes.push((area * f64::from(weight * bias * bias), r as u32));
     }
     let allowed = budget * budget * f64::from(level * level) * total;
-    let worth = WORTH * allowed / stakes.len().max(1) as f64;
     let mut left: f64 = stakes.iter().map(|s| s.0).sum();
     stakes.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let allowed = allowed.max(LEFT_BY_PASS * left);
     let mut chosen = Vec::new();
     for (stake, r) in stakes {
-        if left <= allowed || chosen.len() >= room || stake < worth {
+        if left <= allowed || chosen.len() >= room {
             break;
         }
         left -= (1.0 - LEFT_BY_SPLIT) * stake;
