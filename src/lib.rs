@@ -19,6 +19,7 @@
 pub mod archive;
 pub mod bake;
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod geometry;
 pub mod light;

@@ -83,6 +83,8 @@ pub enum Verb {
     Render(Render),
     /// Show what a job holds: counts, bytes, timings
     Inspect(Inspect),
+    /// Measure: speed against accuracy, or the stability table
+    Chart(Chart),
     /// Print a completion script for a shell
     Completions(Completions),
     /// Print the manual page (roff)
@@ -196,6 +198,17 @@ pub struct Inspect {
     /// A baked job directory
     #[arg(value_name = "JOB")]
     pub job: PathBuf,
+}
+
+/// `chart SCENE… -o DIR`, `chart --stability`
+#[derive(Debug, Args)]
+pub struct Chart {
+    /// Print the stability table: seventeen hard cases; a row that does not hold says FAIL, and the exit code is 1
+    #[arg(long)]
+    pub stability: bool,
+    /// Folder for tables and figures
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
 }
 
 /// `completions SHELL`
