@@ -12,7 +12,8 @@
 //! * [`links`] gathers, per receiver, direct light from lamps, light from the sky and rows of the transport operator R.
 //! * [`solve`] iterates pull, gather, push to the radiosity B = E + ρRB.
 //! * [`mod@reference`] path traces the same scene to judge the result.
-//! * [`output`] turns a solution into meshes, tables and pictures; [`bake`] runs the job; [`cli`] is the program.
+//! * [`output`] turns a solution into meshes, tables and pictures, [`plot`] into figures; [`bake`] runs the job; [`cli`]
+//!   is the program.
 //!
 //! Letters and equations: `docs/theory.md`. Words: `docs/glossary.md`.
 
@@ -25,6 +26,7 @@ pub mod geometry;
 pub mod light;
 pub mod links;
 pub mod output;
+pub mod plot;
 pub mod rays;
 pub mod reference;
 pub mod scatter;

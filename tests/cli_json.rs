@@ -124,6 +124,7 @@ fn every_verb_speaks_the_schema() {
         }
     }
     held(&place, &["inspect", "job"], 0);
+    held(&place, &["inspect", "job", "--plot", "plots"], 0);
     held(&place, &["probe", "job", "--points", "points.csv", "-o", "out.csv"], 0);
     held(&place, &["reference", "scene.toml", "--points", "points.csv", "--spp", "16", "-o", "ref.csv"], 0);
     held(&place, &["export", "job", "-o", "out.ply"], 0);

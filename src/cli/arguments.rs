@@ -81,7 +81,7 @@ pub enum Verb {
     Export(Export),
     /// Make an image of a job from a camera
     Render(Render),
-    /// Show what a job holds: counts, bytes, timings
+    /// Show what a job holds: counts, bytes, timings, and pictures of it with --plot
     Inspect(Inspect),
     /// Measure: speed against accuracy, or the stability table
     Chart(Chart),
@@ -198,6 +198,12 @@ pub struct Inspect {
     /// A baked job directory
     #[arg(value_name = "JOB")]
     pub job: PathBuf,
+    /// Draw sites, levels, links, rows and errors into this folder, as SVG and PNG
+    #[arg(long, value_name = "DIR")]
+    pub plot: Option<PathBuf>,
+    /// The receiver whose row and links are drawn [default: a few that tell most]
+    #[arg(long, value_name = "N", requires = "plot")]
+    pub receiver: Option<u32>,
 }
 
 /// `chart SCENE… -o DIR`, `chart --stability`

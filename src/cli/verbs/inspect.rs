@@ -1,18 +1,53 @@
 //! `glowtree inspect JOB`
 
 use std::fmt::Write;
+use std::path::Path;
 
-use crate::bake::Summary;
+use serde::Serialize;
+
+use crate::bake::store::{self, Purpose};
+use crate::bake::{Stage, Summary};
 use crate::cli::arguments::Inspect;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_count, show_seconds};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::plot::job::{self, Drawn};
 
-/// Prints what the job's summary holds.
+/// The job's figures, and what was drawn of it.
+#[derive(Debug, Serialize)]
+struct Inspected<'a> {
+    #[serde(flatten)]
+    summary: &'a Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plots: Option<Vec<String>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    plotted_receivers: Option<Vec<u32>>,
+}
+
+/// Prints what the job's summary holds, and draws the job if asked.
 pub fn run(request: &Inspect, console: &Console) -> Result<()> {
     let summary = Summary::read(&request.job)?;
+    let drawn = request.plot.as_ref().map(|folder| draw(request, folder, console)).transpose()?;
     console.result(&table(&summary))?;
-    console.summary("inspect", &summary)
+    let plots: Option<Vec<String>> =
+        drawn.as_ref().map(|d| d.files.iter().map(|f| f.display().to_string()).collect());
+    for file in plots.iter().flatten() {
+        console.result(&format!("{file}\n"))?;
+    }
+    let plotted_receivers = drawn.map(|d| d.receivers);
+    console.summary("inspect", Inspected { summary: &summary, plots, plotted_receivers })
+}
+
+/// Draws the job into a folder, which is made if it is not there.
+fn draw(request: &Inspect, folder: &Path, console: &Console) -> Result<Drawn> {
+    std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "making the folder for plots", e))?;
+    // Found out before work is done that could not be kept.
+    tempfile::tempfile_in(folder).map_err(|e| Error::io(folder, "writing into the folder for plots", e))?;
+    let model = store::read(&request.job, Purpose::Light)?;
+    let stage = Stage::start(console, "plots", "pixels", None);
+    let drawn = job::write(&model.field(), request.receiver, folder, &|pixels| stage.advance(pixels))?;
+    stage.finish();
+    Ok(drawn)
 }
 
 fn table(summary: &Summary) -> String {
