@@ -8,7 +8,8 @@
 //! * [`rays`] builds a bounding-volume hierarchy and answers closest-hit and occlusion queries, watertight.
 //! * [`scatter`] grows points over the surfaces, coarse to fine, where they are wanted.
 //! * [`sites`] scatters nested Poisson-disk sites (position, normal, area) over the surfaces.
-//! * [`tree`] arranges the sites' levels into clusters and interpolates between them (the bases).
+//! * [`tree`] arranges the sites' levels into clusters and interpolates between them.
+//! * [`basis`] makes functions of values at scattered supports, in several ways.
 //! * [`links`] gathers, per receiver, direct light from lamps, light from the sky and rows of the transport operator R.
 //! * [`solve`] iterates pull, gather, push to the radiosity B = E + ρRB.
 //! * [`mod@reference`] path traces the same scene to judge the result.
@@ -19,6 +20,7 @@
 
 pub mod archive;
 pub mod bake;
+pub mod basis;
 pub mod cli;
 pub mod compare;
 pub mod error;

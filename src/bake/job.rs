@@ -90,7 +90,8 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     let (triangles, vertices) = (scene.triangles.len() as u64, scene.vertices.len() as u64);
     let read = stage.finish();
     let bounces = options.max_bounces.map(|n| n as usize);
-    let target = Target { error: options.error, seed: options.seed, bounces };
+    let Options { error, seed, basis, .. } = *options;
+    let target = Target { error, seed, bounces, basis };
     let (model, _, report) = pipeline::reach(&scene, &target, monitor)?;
     drop(scene);
     monitor.check()?;

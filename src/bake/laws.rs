@@ -1,5 +1,6 @@
 //! From the one quality knob to spacing, rows and rays: laws that were measured (docs/theory.md, "Measured here").
 
+use crate::basis::Basis;
 use crate::links::direct::DirectParams;
 use crate::links::receivers::ReceiverParams;
 use crate::links::rows::RowParams;
@@ -23,6 +24,8 @@ pub struct Plan {
     pub direct: DirectParams,
     /// Receivers and rows.
     pub receivers: ReceiverParams,
+    /// How light is interpolated.
+    pub basis: Basis,
     /// Relative residual of the solver, before the division by 1 − ρ.
     pub tolerance: f64,
     /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
@@ -65,6 +68,7 @@ impl Plan {
                 density: 4.0,
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
+            basis: Basis::default(),
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,

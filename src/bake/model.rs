@@ -1,7 +1,10 @@
 //! A scene with everything a bake makes of it, in memory.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
+use crate::basis::Basis;
 use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
@@ -10,7 +13,7 @@ use crate::links::receivers::{Receivers, Spread};
 use crate::rays::Bvh;
 use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Plot, Samples, Sites};
-use crate::solve::field::FieldParams;
+use crate::solve::field::{self, FieldParams, Smooth};
 use crate::solve::{Field, Problem, Solution};
 
 /// All stages' data; each becomes whole before the next begins.
@@ -43,6 +46,8 @@ pub struct Model {
     pub solution: Solution,
     /// How points are answered.
     pub field: FieldParams,
+    /// The function of a global basis, made from the solution when first asked for: renew it when the solution changes.
+    pub smooth: OnceLock<Smooth>,
 }
 
 /// Albedo and glowing exitance of every site, averaged over the surface that it stands for.
@@ -94,8 +99,16 @@ impl Model {
         }
     }
 
+    /// How light is interpolated.
+    pub fn basis(&self) -> Basis {
+        self.spread.basis
+    }
+
     /// The solution, ready to answer.
     pub fn field(&self) -> Field<'_> {
-        Field { problem: self.problem(), solution: &self.solution, params: self.field }
+        let smooth = self.basis().is_global().then(|| {
+            self.smooth.get_or_init(|| field::smooth(self.basis(), &self.receivers, &self.solution)).as_ref()
+        });
+        Field { problem: self.problem(), solution: &self.solution, params: self.field, smooth }
     }
 }

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::basis::Basis;
+
 /// The options of one bake. Those that change the result are stored with the job and compared on resuming
 /// ([`Options::difference`]); the rest say how this one run behaves.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -12,6 +14,9 @@ pub struct Options {
     pub max_bounces: Option<u32>,
     /// Keys every random number.
     pub seed: u64,
+    /// How light is interpolated.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub basis: Basis,
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
@@ -23,6 +28,11 @@ pub struct Options {
     pub preview: bool,
 }
 
+/// The default is not written, so that jobs from before there was a choice answer as they did.
+fn is_default(basis: &Basis) -> bool {
+    *basis == Basis::default()
+}
+
 impl Default for Options {
     /// Two percent, all bounces, seed 0.
     fn default() -> Self {
@@ -30,6 +40,7 @@ impl Default for Options {
             error: 0.02,
             max_bounces: None,
             seed: 0,
+            basis: Basis::default(),
             max_memory_bytes: None,
             restart: false,
             preview: true,
@@ -46,6 +57,7 @@ impl Options {
             ("--error", stored.error.to_string(), self.error.to_string()),
             ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
             ("--seed", stored.seed.to_string(), self.seed.to_string()),
+            ("--basis", stored.basis.to_string(), self.basis.to_string()),
         ];
         let lines: Vec<String> = pairs
             .into_iter()
@@ -70,6 +82,8 @@ mod tests {
             other.difference(&stored).as_deref(),
             Some("--error was 0.02, now 0.01, --seed was 0, now 7")
         );
+        let radial = Options { basis: Basis::Radial, ..Options::default() };
+        assert_eq!(radial.difference(&stored).as_deref(), Some("--basis was hierarchical, now radial"));
     }
 
     #[test]
@@ -77,5 +91,9 @@ mod tests {
         let options = Options { error: 0.01, max_bounces: Some(3), seed: u64::MAX, ..Options::default() };
         let text = serde_json::to_string(&options).unwrap();
         assert_eq!(serde_json::from_str::<Options>(&text).unwrap().difference(&options), None);
+        assert!(!text.contains("basis"), "options from before there were bases stay the same: {text}");
+        let shepard = Options { basis: Basis::Shepard, ..options };
+        let text = serde_json::to_string(&shepard).unwrap();
+        assert_eq!(serde_json::from_str::<Options>(&text).unwrap().basis, Basis::Shepard);
     }
 }

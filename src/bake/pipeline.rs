@@ -1,5 +1,7 @@
 //! The stages in their order, in memory: scene → sites → links → solution → judgement.
 
+use std::sync::OnceLock;
+
 use super::laws::Plan;
 use super::model::Model;
 use super::report::progress::{Monitor, Stage};
@@ -7,6 +9,7 @@ use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use super::work::grading::Shine;
 use super::work::{self, Grounds, Layout, Work};
+use crate::basis::Basis;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::links::lamps;
@@ -42,6 +45,8 @@ pub struct Target {
     pub seed: u64,
     /// Bounces of light; None until converged.
     pub bounces: Option<usize>,
+    /// How light is interpolated.
+    pub basis: Basis,
 }
 
 /// Rounds of refinement at the most.
@@ -61,7 +66,7 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
     let mut aim = AIM * target.error;
     let mut spent = PipelineReport::default();
     for round in 1.. {
-        let plan = Plan { target: target.error, ..Plan::new(aim, target.seed) };
+        let plan = Plan { target: target.error, basis: target.basis, ..Plan::new(aim, target.seed) };
         let (model, mut report) = build(scene.clone(), &plan, target.bounces, monitor)?;
         report.rays += spent.rays;
         spent.stages.append(&mut report.stages);
@@ -120,7 +125,7 @@ pub fn build(
 
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
     let receivers = Receivers::settle(layout.around(grounds), placement);
-    let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means);
+    let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means, plan.basis);
     let placed = receivers.rows.met.len();
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
@@ -154,6 +159,7 @@ pub fn build(
         spread,
         solution,
         field,
+        smooth: OnceLock::new(),
     };
     judge(&model, plan, (monitor, &mut report))?;
     Ok((model, report))

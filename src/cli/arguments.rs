@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use super::values;
+use crate::basis::Basis;
 
 /// Diffuse global illumination by meshless hierarchical radiosity.
 #[derive(Debug, Parser)]
@@ -122,6 +123,9 @@ pub struct Bake {
     /// Seed of every random number
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
+    /// How light is interpolated: docs/bases.md compares
+    #[arg(long, value_name = "BASIS", default_value_t = Basis::default(), value_parser = values::basis())]
+    pub basis: Basis,
     /// Throw away what the job directory holds and begin again
     #[arg(long)]
     pub restart: bool,

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::builder::TypedValueParser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use crate::basis::Basis;
 
 /// Parses "2%" or "0.02" as a share within (0, 1].
 pub fn share(text: &str) -> Result<f64, String> {
@@ -39,6 +41,11 @@ pub fn bytes(text: &str) -> Result<u64, String> {
     };
     let size = value * factor;
     if size >= 1.0 && size < 2f64.powi(63) { Ok(size as u64) } else { Err(problem()) }
+}
+
+/// A parser of the bases' names.
+pub fn basis() -> impl TypedValueParser<Value = Basis> {
+    PossibleValuesParser::new(Basis::ALL.map(Basis::name)).try_map(|name| name.parse::<Basis>())
 }
 
 /// A parser of file names that end in one of `endings`.

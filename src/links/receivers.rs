@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::rows::{RawHit, RawRows, RowParams, Rows};
 use super::{Surroundings, covering};
+use crate::basis::{Basis, shepard};
 use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
@@ -405,6 +406,9 @@ pub struct Spread {
     pub weights: Vec<f32>,
     /// Visibility rays traced.
     pub rays: u64,
+    /// What the weights are of: Franke and Little's, or non-negative linear fits for every other basis. Cardinal functions of
+    /// the radial bases change sign and do not sum to one: light that they push would not keep its energy.
+    pub basis: Basis,
 }
 
 impl Spread {
@@ -412,8 +416,13 @@ impl Spread {
     ///
     /// `means` are the mean points and mean normals of the surface that each site stands for: light is near to linear in
     /// both, so that a fit there is the mean over the surface.
-    pub fn fit(around: Surroundings<'_>, receivers: &Receivers, means: &[SurfacePoint]) -> Self {
-        let mut spread = Self { offsets: vec![0; around.sites.len() + 1], ..Self::default() };
+    pub fn fit(
+        around: Surroundings<'_>,
+        receivers: &Receivers,
+        means: &[SurfacePoint],
+        basis: Basis,
+    ) -> Self {
+        let mut spread = Self { offsets: vec![0; around.sites.len() + 1], basis, ..Self::default() };
         spread.refit(around, (receivers, means), |_| true);
         spread
     }
@@ -444,10 +453,11 @@ impl Spread {
             .into_par_iter()
             .with_min_len(64)
             .map_init(Vec::new, |found, site| {
-                stale(site).then(|| fit_site(around, receivers, (SiteId(site as u32), &means[site]), found))
+                let place = (SiteId(site as u32), &means[site], self.basis);
+                stale(site).then(|| fit_site(around, receivers, place, found))
             })
             .collect();
-        let mut spread = Self { offsets: vec![0], rays: self.rays, ..Self::default() };
+        let mut spread = Self { offsets: vec![0], rays: self.rays, basis: self.basis, ..Self::default() };
         for (site, fit) in fits.into_iter().enumerate() {
             match fit {
                 Some((ids, weights, rays)) => {
@@ -485,7 +495,7 @@ const LISTED: usize = 32;
 fn fit_site(
     around: Surroundings<'_>,
     receivers: &Receivers,
-    (site, mean): (SiteId, &SurfacePoint),
+    (site, mean, basis): (SiteId, &SurfacePoint, Basis),
     found: &mut Vec<(f32, u32)>,
 ) -> SiteFit {
     let at = around.sites.point(site);
@@ -504,7 +514,10 @@ fn fit_site(
             }
         }
     }
-    let weights = mls::weights(mean, &supports, Sign::NonNegative);
+    let weights = match basis {
+        Basis::Shepard => shepard::weights(mean, &supports),
+        _ => mls::weights(mean, &supports, Sign::NonNegative),
+    };
     if weights.is_empty() {
         ids.clear();
     }

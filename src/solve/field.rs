@@ -5,6 +5,7 @@ use smallvec::SmallVec;
 
 use super::light::RowLight;
 use super::{Problem, Solution};
+use crate::basis::{self, Basis, Reconstruction, shepard};
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
@@ -70,6 +71,8 @@ pub struct Field<'a> {
     pub solution: &'a Solution,
     /// How to answer.
     pub params: FieldParams,
+    /// The light as one function over all receivers, if the basis is global.
+    pub smooth: Option<&'a dyn Reconstruction<4>>,
 }
 
 impl Field<'_> {
@@ -99,7 +102,7 @@ impl Field<'_> {
         let listed = home.map_or(&[][..], |s| problem.spread.receivers_of(s.index()));
         let listed = if listed.len() < FEWEST { &[][..] } else { listed };
         let near = &nearest(problem.receivers, point, listed);
-        match fit(problem.receivers, point, near) {
+        match fit(problem, point, near) {
             Some(fit) => {
                 let blended = self.blend(point, near, &fit, direct);
                 // Darkness may be a hidden side's, reached through a wall: it is looked into.
@@ -112,13 +115,39 @@ impl Field<'_> {
     }
 
     fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {
-        let indirect = fitted((self.problem.receivers, self.solution), point, near, fit);
+        let indirect = fitted((&self.problem, self.solution), point, near, fit);
         let share = |(&r, w): (&u32, &f32)| self.solution.sky_visibility[r as usize] * w;
         let sky_visibility = near.iter().zip(&fit.weights).map(share).sum::<f32>().clamp(0.0, 1.0);
         // Negative light tells that the fit extrapolates from others' shade: nobody speaks for this point.
         let negative = indirect.min_element() < 0.0;
         let error = if negative { f32::INFINITY } else { claim(self.solution, near, fit) };
-        Irradiance { direct, indirect: indirect.max(Rgb::ZERO), sky_visibility, error }
+        let local = Irradiance { direct, indirect: indirect.max(Rgb::ZERO), sky_visibility, error };
+        self.smooth.map_or(local, |smooth| self.smoothed(point, near, (smooth, fit, local)))
+    }
+
+    /// What a global function says, and how far it is to be believed: it knows no walls, the receivers near the point do.
+    fn smoothed(
+        &self,
+        point: &SurfacePoint,
+        near: &[u32],
+        (smooth, fit, local): (&dyn Reconstruction<4>, &Fit, Irradiance),
+    ) -> Irradiance {
+        let Some([r, g, b, sky]) = smooth.at(point).map(|v| v.map(|v| v as f32)) else {
+            return Irradiance { error: f32::INFINITY, ..local };
+        };
+        let indirect = Rgb::new(r, g, b);
+        let light = |r: &u32| self.solution.irradiance[*r as usize];
+        let low = near.iter().map(light).fold(Rgb::INFINITY, Rgb::min);
+        let high = near.iter().map(light).fold(Rgb::NEG_INFINITY, Rgb::max);
+        let outside = (low - indirect).max(indirect - high).max_element().max(0.0);
+        let noise = |(&r, w): (&u32, &f32)| self.solution.noise[r as usize].powi(2) * w.abs();
+        // It meets every row, noise and all, where a local fit averages.
+        let noise: f32 = near.iter().zip(&fit.weights).map(noise).sum();
+        let negative = indirect.min_element() < 0.0;
+        let error =
+            if negative { f32::INFINITY } else { (local.error.powi(2) + noise + outside * outside).sqrt() };
+        let sky_visibility = sky.clamp(0.0, 1.0);
+        Irradiance { indirect: indirect.max(Rgb::ZERO), sky_visibility, error, ..local }
     }
 
     /// The point's own row, against the solved radiosities.
@@ -126,6 +155,24 @@ impl Field<'_> {
         let (light, _) = self.gather_row(point, key(point), self.params.rays);
         let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = light;
         Irradiance { direct, indirect, sky_visibility, error }
+    }
+}
+
+/// A function over all receivers: three channels of irradiance, and the share of the sky that is seen.
+pub type Smooth = Box<dyn Reconstruction<4>>;
+
+/// Fits the function of a global basis to the light at receivers.
+///
+/// # Panics
+/// When the basis is not global, or its system cannot be factored: it is positive definite by construction.
+pub fn smooth(basis: Basis, receivers: &Receivers, solution: &Solution) -> Smooth {
+    let channels = |(light, sky): (&Rgb, &f32)| [light.x, light.y, light.z, *sky].map(f64::from);
+    let values: Vec<[f64; 4]> =
+        solution.irradiance.iter().zip(&solution.sky_visibility).map(channels).collect();
+    match basis::fit(basis, receivers.index.supports(), &values) {
+        Ok(Some(smooth)) => smooth,
+        Ok(None) => panic!("{basis} has no function over all receivers"),
+        Err(problem) => panic!("{basis}: {problem}"),
     }
 }
 
@@ -142,9 +189,9 @@ fn claim(solution: &Solution, near: &[u32], fit: &Fit) -> f32 {
 }
 
 /// The standard error that interpolation claims at a point; infinite where too few receivers are near.
-pub fn claimed(receivers: &Receivers, solution: &Solution, point: &SurfacePoint, listed: &[u32]) -> f32 {
-    let near = &nearest(receivers, point, listed);
-    let trusted = fit(receivers, point, near).filter(|_| listed.len() >= FEWEST);
+pub fn claimed(problem: &Problem<'_>, solution: &Solution, point: &SurfacePoint, listed: &[u32]) -> f32 {
+    let near = &nearest(problem.receivers, point, listed);
+    let trusted = fit(problem, point, near).filter(|_| listed.len() >= FEWEST);
     trusted.map_or(f32::INFINITY, |fit| claim(solution, near, &fit))
 }
 
@@ -161,33 +208,42 @@ pub fn nearest(receivers: &Receivers, point: &SurfacePoint, listed: &[u32]) -> S
 }
 
 /// Weights of the receivers at a point; None when none of them reaches it.
-fn fit(receivers: &Receivers, point: &SurfacePoint, near: &[u32]) -> Option<Fit> {
+fn fit(problem: &Problem<'_>, point: &SurfacePoint, near: &[u32]) -> Option<Fit> {
     let supports: SmallVec<[Support; mls::MOST]> =
-        near.iter().map(|&r| receivers.index.supports()[r as usize]).collect();
-    Some(mls::fit(point, &supports, Sign::Any)).filter(|fit| !fit.weights.is_empty())
+        near.iter().map(|&r| problem.receivers.index.supports()[r as usize]).collect();
+    let mut fit = mls::fit(point, &supports, Sign::Any);
+    if problem.spread.basis == Basis::Shepard {
+        fit.weights = shepard::weights(point, &supports);
+    }
+    Some(fit).filter(|fit| !fit.weights.is_empty())
 }
 
 /// Irradiance fitted to the given receivers, with their gradients.
 pub fn interpolate(
-    receivers: &Receivers,
+    problem: &Problem<'_>,
     solution: &Solution,
     point: &SurfacePoint,
     near: &[u32],
 ) -> Option<Rgb> {
-    let near = &nearest(receivers, point, near);
-    let fit = fit(receivers, point, near)?;
-    Some(fitted((receivers, solution), point, near, &fit).max(Rgb::ZERO))
+    let near = &nearest(problem.receivers, point, near);
+    let fit = fit(problem, point, near)?;
+    Some(fitted((problem, solution), point, near, &fit).max(Rgb::ZERO))
 }
 
 /// A fit's light, with the receivers' gradients; negative where it extrapolates too far.
 fn fitted(
-    (receivers, solution): (&Receivers, &Solution),
+    (problem, solution): (&Problem<'_>, &Solution),
     point: &SurfacePoint,
     near: &[u32],
     fit: &Fit,
 ) -> Rgb {
+    // An average of what is turned would not stay within its data.
+    let turns = problem.spread.basis != Basis::Shepard;
     let value = |r: usize| {
-        let turn = point.normal - receivers.index.supports()[r].point.normal;
+        if !turns {
+            return solution.irradiance[r];
+        }
+        let turn = point.normal - problem.receivers.index.supports()[r].point.normal;
         solution.irradiance[r] + solution.gradient[r] * turn
     };
     near.iter().zip(&fit.weights).map(|(&r, &w)| value(r as usize) * w).sum()

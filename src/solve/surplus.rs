@@ -37,7 +37,7 @@ impl Problem<'_> {
                 if others.len() < field::FEWEST {
                     return UNKNOWN;
                 }
-                match field::interpolate(self.receivers, solution, &at, &others) {
+                match field::interpolate(self, solution, &at, &others) {
                     Some(fit) => (mean_channel(fit - solution.irradiance[r])).abs(),
                     None => UNKNOWN,
                 }
@@ -80,7 +80,7 @@ impl Problem<'_> {
                 if near.is_empty() {
                     return (f64::INFINITY, site as u32);
                 }
-                let claimed = field::claimed(self.receivers, solution, &point, near).min(solution.level);
+                let claimed = field::claimed(self, solution, &point, near).min(solution.level);
                 (exchange[site] * f64::from(claimed).powi(2), site as u32)
             })
             .collect();

@@ -3,12 +3,14 @@
 pub mod record;
 
 use std::path::Path;
+use std::sync::OnceLock;
 
 use glam::{Mat3, Vec3};
 
 use crate::archive::{Archive, Block, Digests, Encoded, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
+use crate::basis::Basis;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::links::compress::order::View;
@@ -98,6 +100,7 @@ pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
         spread,
         solution,
         field,
+        smooth: OnceLock::new(),
     })
 }
 
@@ -258,7 +261,23 @@ fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;
     w.append(tag("fit_to"), sites.clone(), &model.spread.receivers)?;
     w.append(tag("fit_by"), sites, &model.spread.weights)?;
+    write_basis(&mut w, model.basis())?;
     finish(w, report)
+}
+
+/// The basis by its place in [`Basis::ALL`]; nothing for the default, as before there was a choice.
+fn write_basis(w: &mut Writer, basis: Basis) -> Result<()> {
+    let number = Basis::ALL.iter().position(|b| *b == basis).unwrap_or_default() as u32;
+    if number > 0 { w.append(tag("basis"), 0..1, &[number]) } else { Ok(()) }
+}
+
+fn read_basis(archive: &Archive) -> Result<Basis> {
+    if archive.blocks(tag("basis")).next().is_none() {
+        return Ok(Basis::default());
+    }
+    let number: &[u32] = archive.array(tag("basis"))?;
+    let known = number.first().and_then(|&n| Basis::ALL.get(n as usize));
+    known.copied().ok_or_else(|| damaged(archive, "basis", format!("expected a known basis, got {number:?}")))
 }
 
 /// Rows in blocks, links and order each.
@@ -330,6 +349,7 @@ fn read_links(
         receivers: archive.array(tag("fit_to"))?.to_vec(),
         weights: archive.array(tag("fit_by"))?.to_vec(),
         rays: 0,
+        basis: read_basis(&archive)?,
     };
     same_length(&archive, "fit_at", &spread.offsets, sites.len() + 1)?;
     same_length(&archive, "fit_by", &spread.weights, spread.receivers.len())?;

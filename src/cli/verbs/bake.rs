@@ -21,6 +21,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         error: request.error,
         max_bounces: request.max_bounces,
         seed: request.seed,
+        basis: request.basis,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,
