@@ -46,32 +46,32 @@ pub fn coaxial_discs(from: f64, to: f64, distance: f64) -> f64 {
 }
 
 /// An element facing a parallel rectangle a × b at distance c, under one of its corners [B-3].
-pub fn element_under_corner(a: f64, b: f64, c: f64) -> f64 {
+pub fn point_under_corner(a: f64, b: f64, c: f64) -> f64 {
     let (x, y) = (a / c, b / c);
     let (sx, sy) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
     (x / sx * (y / sx).atan() + y / sy * (x / sy).atan()) / (2.0 * PI)
 }
 
 /// An element facing a parallel rectangle a × b at distance c, under its centre: four corners.
-pub fn element_under_centre(a: f64, b: f64, c: f64) -> f64 {
-    4.0 * element_under_corner(0.5 * a, 0.5 * b, c)
+pub fn point_under_centre(a: f64, b: f64, c: f64) -> f64 {
+    4.0 * point_under_corner(0.5 * a, 0.5 * b, c)
 }
 
 /// An element whose plane is perpendicular to a unit square that starts at that plane, beside the square's corner and
 /// at distance c before it [B-4].
-pub fn element_perpendicular_to_square(c: f64) -> f64 {
+pub fn point_perpendicular_to_square(c: f64) -> f64 {
     let far = (1.0 + c * c).sqrt();
     ((1.0 / c).atan() - c / far * (1.0 / far).atan()) / (2.0 * PI)
 }
 
 /// An element facing the centre of a parallel disc [B-12].
-pub fn element_to_disc(radius: f64, distance: f64) -> f64 {
+pub fn point_to_disc(radius: f64, distance: f64) -> f64 {
     radius * radius / (radius * radius + distance * distance)
 }
 
 /// An element at `point` with unit `normal` to any polygon that lies wholly above its plane (Lambert):
 /// (1/2π) Σ γᵢ (n·Γᵢ), positive when the corners run clockwise as seen from the element.
-pub fn element_to_polygon(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
+pub fn point_to_polygon(point: DVec3, normal: DVec3, corners: &[DVec3]) -> f64 {
     let rays: Vec<DVec3> = corners.iter().map(|c| (*c - point).normalize()).collect();
     let sum: f64 = (0..rays.len())
         .map(|i| {

@@ -4,6 +4,7 @@ use crate::bake::laws::Plan;
 use crate::bake::model::Model;
 use crate::bake::pipeline::{self, PipelineReport, Target};
 use crate::bake::{Monitor, Signal, StageTime};
+use crate::basis::Basis;
 use crate::compare::known::points_on;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -36,7 +37,7 @@ pub fn planned(scene: Scene, error: f64, monitor: &dyn Monitor) -> Result<(Model
 
 /// As `glowtree bake --error` does it.
 pub fn asked(scene: &Scene, error: f64, seed: u64, monitor: &dyn Monitor) -> Result<(Model, PipelineReport)> {
-    let target = Target { error, seed, bounces: None };
+    let target = Target { error, seed, bounces: None, basis: Basis::default() };
     let (model, _, report) = pipeline::reach(scene, &target, &Within(monitor))?;
     Ok((model, report))
 }

@@ -84,6 +84,9 @@ fn differs(base: &Model, other: &Model, map: impl Fn(DVec3) -> DVec3, turn: DQua
     apart(&light(other, &all.iter().map(image).collect::<Vec<_>>()), &light(base, &all))
 }
 
+/// What two bakes of the same room at other places may differ by.
+const SAME: f64 = 1e-4;
+
 /// Scales and offsets of the georeferenced scenes.
 const PLACES: [(f64, f64); 5] = [(1e-4, 0.0), (1e3, 0.0), (1e6, 0.0), (1.0, 1e6), (1e-2, 1e4)];
 
@@ -99,10 +102,14 @@ pub fn placed(monitor: &dyn Monitor) -> Result<Numbers> {
         let name = format!("scale {scale:e}, offset {offset:e}");
         let there = mapped(&parts, map);
         let (model, _) = planned(known::scene(&there), 0.05, monitor)?;
-        ours.push(Measured::share(name.clone(), differs(&base, &model, map, DQuat::IDENTITY), 1e-4));
+        ours.push(Measured::share(name.clone(), differs(&base, &model, map, DQuat::IDENTITY), SAME));
+        // The bakes themselves: asked at the same local coordinates, before any point is rounded on its way there.
+        let all = asked_at(&base.scene, 2000);
+        let bakes = apart(&light(&model, &all), &light(&base, &all));
+        ours.push(Measured::share(format!("{name}, local points"), bakes, SAME));
         let rounded = mapped(&there, |v| v.as_vec3().as_dvec3());
         let (model, _) = planned(known::scene(&rounded), 0.05, monitor)?;
-        textbook.push(Measured::share(name, differs(&base, &model, map, DQuat::IDENTITY), 1e-4));
+        textbook.push(Measured::share(name, differs(&base, &model, map, DQuat::IDENTITY), SAME));
     }
     Ok((textbook, ours))
 }
