@@ -33,8 +33,9 @@ const POINTS: usize = 2000;
 /// Seed of references of our own, which nothing that is measured shares.
 const SEED: u64 = 0x7e57;
 
-/// Points traced between two looks for a signal.
-const BLOCK: usize = 32;
+/// Points traced between two looks for a signal at the most, and paths: a quarter of a second.
+const BLOCK_POINTS: usize = 32;
+const BLOCK_PATHS: usize = 1 << 18;
 
 /// The truth of a scene: `reference.csv` beside it, else the one in the folder, else a new one that is left there.
 pub fn of(
@@ -132,7 +133,8 @@ pub fn traced(
     let stage = Stage::start(monitor, name, "points", Some(points.len() as u64));
     let bvh = Bvh::build(scene);
     let mut estimates = Vec::with_capacity(points.len());
-    for (k, block) in points.chunks(BLOCK).enumerate() {
+    let block = (BLOCK_PATHS / samples as usize).clamp(1, BLOCK_POINTS);
+    for (k, block) in points.chunks(block).enumerate() {
         let seed = hash::mix2(seed, k as u64);
         let params = ReferenceParams { samples, seed, ..ReferenceParams::default() };
         estimates.extend(reference::irradiance(scene, &bvh, block, &params, |_| ()));

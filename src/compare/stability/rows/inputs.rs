@@ -158,15 +158,24 @@ pub fn coincident(monitor: &dyn Monitor) -> Result<Numbers> {
     let [alone, indirect] =
         [&alone, &doubled].map(|all| all.iter().map(|a| channel(a.indirect)).collect::<Vec<_>>());
     let (model, _) = planned(known::scene(&intersecting()), TARGET, monitor)?;
-    let outside: Vec<SurfacePoint> = (0..4)
-        .flat_map(|mesh| on(&model, mesh, 2000))
-        .filter(|p| is_outside(model.scene.placement.to_world(p.position + p.normal * 1e-4)))
-        .collect();
+    // Distance to the nearest solid of which a point is no part, and what it receives.
+    let of_mesh = |mesh: usize| {
+        let points = on(&model, mesh, 2000);
+        let clear = points.iter().map(|p| clearance(model.scene.placement.to_world(p.position), mesh));
+        let told: Vec<(f64, f64)> = clear.zip(light(&model, &points)).filter(|(clear, _)| *clear > 0.0).collect();
+        told
+    };
+    let outside: Vec<(f64, f64)> = (0..4).flat_map(of_mesh).collect();
+    let all: Vec<f64> = outside.iter().map(|(_, light)| *light).collect();
+    let flat: Vec<f64> = outside.iter().filter(|(clear, _)| *clear > CLEAR).map(|(_, light)| *light).collect();
+    // B = H = E₀/(1 − ρ).
+    let furnace = vec![2.0; all.len()];
     let ours = vec![
         Measured::share("floor twice: contrast of sunlight", contrast(&direct), ACNE),
         // Two bakes, each within the target.
         Measured::share("floor twice: indirect light from that of one", apart(&indirect, &alone), TARGET),
-        Measured::share("blocks through each other: contrast", contrast(&light(&model, &outside)), ACNE),
+        Measured::share("blocks through each other: contrast of flat parts", contrast(&flat), ACNE),
+        Measured::share("blocks through each other: RMS, edges included", apart(&all, &furnace), TARGET),
     ];
     Ok((vec![Measured::share("floor twice: contrast of open sky", own, ACNE)], ours))
 }
@@ -199,10 +208,14 @@ fn intersecting() -> Vec<known::Part> {
     shapes.map(|shape| part("solid", shape, 0.5).exitance(1.0)).into()
 }
 
-/// Whether a place is in the room and in none of the solids.
-fn is_outside(at: DVec3) -> bool {
-    let within = |[min, max]: &[DVec3; 2]| at.cmpgt(*min).all() && at.cmplt(*max).all();
-    within(&[DVec3::ZERO, DVec3::ONE]) && !BLOCKS.iter().any(within) && at.distance(BALL.0) > BALL.1
+/// Flat parts are farther than this from other solids: about a site's spacing.
+const CLEAR: f64 = 0.05;
+
+/// Distance of a place on a mesh from the nearest other solid, negative within one or outside of the room.
+fn clearance(at: DVec3, mesh: usize) -> f64 {
+    let block = |[min, max]: [DVec3; 2]| (min - at).max(at - max).max_element();
+    let others = [-block([DVec3::ZERO, DVec3::ONE]), block(BLOCKS[0]), block(BLOCKS[1]), at.distance(BALL.0) - BALL.1];
+    (0..4).filter(|k| *k != mesh).map(|k| others[k]).fold(f64::INFINITY, f64::min)
 }
 
 /// The contrast of a floor whose rays start from it without a lift.

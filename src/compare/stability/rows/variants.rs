@@ -152,6 +152,7 @@ fn flat_values(n: u32) -> Vec<f64> {
 /// Triangles in another order, the scene turned, another seed: the same light within the target.
 ///
 /// Of two bakes each errs by at most the target, independently; what is asked is stricter than √2 of it.
+/// Seen to fail: between bakes at a target of 20 % (`tests/stability.rs` keeps that).
 pub fn reordered(monitor: &dyn Monitor) -> Result<Numbers> {
     let parts = room(3);
     let (base, _) = asked(&known::scene(&parts), TARGET, SEED, monitor)?;
