@@ -90,8 +90,8 @@ pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monit
     let (triangles, vertices) = (scene.triangles.len() as u64, scene.vertices.len() as u64);
     let read = stage.finish();
     let bounces = options.max_bounces.map(|n| n as usize);
-    let Options { error, seed, basis, .. } = *options;
-    let target = Target { error, seed, bounces, basis };
+    let Options { error, seed, basis, operator, .. } = *options;
+    let target = Target { error, seed, bounces, basis, operator };
     let (model, _, report) = pipeline::reach(&scene, &target, monitor)?;
     drop(scene);
     monitor.check()?;

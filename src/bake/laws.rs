@@ -2,6 +2,7 @@
 
 use crate::basis::Basis;
 use crate::links::direct::DirectParams;
+use crate::links::points::Operator;
 use crate::links::receivers::ReceiverParams;
 use crate::links::rows::RowParams;
 use crate::sites::SiteParams;
@@ -26,6 +27,8 @@ pub struct Plan {
     pub receivers: ReceiverParams,
     /// How light is interpolated.
     pub basis: Basis,
+    /// What turns radiosity into irradiance.
+    pub operator: Operator,
     /// Relative residual of the solver, before the division by 1 − ρ.
     pub tolerance: f64,
     /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
@@ -69,6 +72,7 @@ impl Plan {
                 rows: RowParams { rays, seed: seed ^ 0x20 },
             },
             basis: Basis::default(),
+            operator: Operator::default(),
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,

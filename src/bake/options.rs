@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::basis::Basis;
+use crate::links::points::Operator;
 
 /// The options of one bake. Those that change the result are stored with the job and compared on resuming
 /// ([`Options::difference`]); the rest say how this one run behaves.
@@ -17,6 +18,9 @@ pub struct Options {
     /// How light is interpolated.
     #[serde(default, skip_serializing_if = "is_default")]
     pub basis: Basis,
+    /// What turns radiosity into irradiance.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub operator: Operator,
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
@@ -29,8 +33,8 @@ pub struct Options {
 }
 
 /// The default is not written, so that jobs from before there was a choice answer as they did.
-fn is_default(basis: &Basis) -> bool {
-    *basis == Basis::default()
+fn is_default<T: Default + PartialEq>(choice: &T) -> bool {
+    *choice == T::default()
 }
 
 impl Default for Options {
@@ -41,6 +45,7 @@ impl Default for Options {
             max_bounces: None,
             seed: 0,
             basis: Basis::default(),
+            operator: Operator::default(),
             max_memory_bytes: None,
             restart: false,
             preview: true,
@@ -58,6 +63,7 @@ impl Options {
             ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
             ("--seed", stored.seed.to_string(), self.seed.to_string()),
             ("--basis", stored.basis.to_string(), self.basis.to_string()),
+            ("--operator", stored.operator.to_string(), self.operator.to_string()),
         ];
         let lines: Vec<String> = pairs
             .into_iter()
@@ -91,7 +97,10 @@ mod tests {
         let options = Options { error: 0.01, max_bounces: Some(3), seed: u64::MAX, ..Options::default() };
         let text = serde_json::to_string(&options).unwrap();
         assert_eq!(serde_json::from_str::<Options>(&text).unwrap().difference(&options), None);
-        assert!(!text.contains("basis"), "options from before there were bases stay the same: {text}");
+        assert!(
+            !text.contains("basis") && !text.contains("operator"),
+            "options from before there were bases stay the same: {text}"
+        );
         let shepard = Options { basis: Basis::Shepard, ..options };
         let text = serde_json::to_string(&shepard).unwrap();
         assert_eq!(serde_json::from_str::<Options>(&text).unwrap().basis, Basis::Shepard);

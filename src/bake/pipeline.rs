@@ -10,10 +10,11 @@ use super::validate::{self, Estimate, ValidateParams};
 use super::work::grading::Shine;
 use super::work::{self, Grounds, Layout, Work};
 use crate::basis::Basis;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::links::lamps;
 use crate::links::lamps::shadow::Shadows;
+use crate::links::points::{Dense, MOST_SITES, Operator};
 use crate::links::receivers::{Placement, Receivers, Sources, Spread};
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
@@ -47,6 +48,8 @@ pub struct Target {
     pub bounces: Option<usize>,
     /// How light is interpolated.
     pub basis: Basis,
+    /// What turns radiosity into irradiance.
+    pub operator: Operator,
 }
 
 /// Rounds of refinement at the most.
@@ -66,12 +69,15 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
     let mut aim = AIM * target.error;
     let mut spent = PipelineReport::default();
     for round in 1.. {
-        let plan = Plan { target: target.error, basis: target.basis, ..Plan::new(aim, target.seed) };
+        let Target { error, basis, operator, .. } = *target;
+        let plan = Plan { target: error, basis, operator, ..Plan::new(aim, target.seed) };
         let (model, mut report) = build(scene.clone(), &plan, target.bounces, monitor)?;
         report.rays += spent.rays;
         spent.stages.append(&mut report.stages);
         let reached = report.estimate.error;
-        if reached <= LENIENCE * target.error || round == ROUNDS {
+        // No plan makes a contraction of the dense operator.
+        let last = round == ROUNDS || operator == Operator::Dense;
+        if reached <= LENIENCE * target.error || last {
             if reached > target.error {
                 let percent = |e: f64| format!("{:.2} %", 100.0 * e);
                 monitor.warn(&format!(
@@ -120,6 +126,11 @@ pub fn build(
     let stage = Stage::start(monitor, "sites", "sites", None);
     let layout = lay(grounds, plan, &placement, shadows);
     stage.advance(layout.sites.len() as u64)?;
+    if plan.operator == Operator::Dense && layout.sites.len() > MOST_SITES {
+        let sites = layout.sites.len();
+        let problem = format!("--operator dense is for at most {MOST_SITES} sites, here are {sites}");
+        return Err(Error::Usage(format!("{problem}: raise --error, or leave the operator to rows")));
+    }
     report.rays += placement.rays + layout.rays;
     report.stages.push(stage.finish());
 
@@ -138,6 +149,9 @@ pub fn build(
     report.stages.push(stage.finish());
 
     solve(&mut work, "solve", (plan, bounces), (monitor, &mut report))?;
+    if plan.operator == Operator::Dense {
+        solve_dense(&mut work, (plan, bounces), (monitor, &mut report))?;
+    }
     // Those of the receivers placed by geometry are counted already.
     report.rays += (work.receivers.rows.met.len() - placed) as u64 + work.spread.rays;
 
@@ -195,10 +209,35 @@ fn solve(
     (monitor, report): (&dyn Monitor, &mut PipelineReport),
 ) -> Result<()> {
     let stage = Stage::start(monitor, name, "iterations", None);
+    let params = iteration(work, plan, bounces);
+    let (solution, iterate) = work.problem().solve(&params);
+    work.solution = solution;
+    stage.advance(iterate.iterations as u64)?;
+    report.iterate = iterate;
+    report.stages.push(stage.finish());
+    Ok(())
+}
+
+fn iteration(work: &Work<'_>, plan: &Plan, bounces: Option<usize>) -> IterateParams {
     let largest_albedo = work.largest_albedo();
     let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
-    let params = IterateParams { tolerance, most: 2000, bounces, largest_albedo };
-    let (solution, iterate) = work.problem().solve(&params);
+    IterateParams { tolerance, most: 2000, bounces, largest_albedo }
+}
+
+/// Solves once more, by the kernel between points in place of the rows.
+fn solve_dense(
+    work: &mut Work<'_>,
+    (plan, bounces): (&Plan, Option<usize>),
+    (monitor, report): (&dyn Monitor, &mut PipelineReport),
+) -> Result<()> {
+    let stage = Stage::start(monitor, "dense", "iterations", None);
+    let dense = Dense::couple(work.layout.around(work.grounds), &work.receivers);
+    let largest = dense.largest_row_sum();
+    if largest > 1.0 {
+        monitor.warn(&format!("rows of the dense operator sum to up to {largest:.2}: it makes light"));
+    }
+    let params = iteration(work, plan, bounces);
+    let (solution, iterate) = work.problem().solve_by(|radiosity| dense.gather(radiosity), &params);
     work.solution = solution;
     stage.advance(iterate.iterations as u64)?;
     report.iterate = iterate;

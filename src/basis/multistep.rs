@@ -10,6 +10,7 @@ use super::radial::{Kernel, Widths};
 use super::system::System;
 use super::{Reconstruction, add};
 use crate::geometry::SurfacePoint;
+use crate::scatter::octaves::Octaves;
 use crate::tree::Support;
 
 /// The ladder of levels.
@@ -30,11 +31,11 @@ pub struct Steps {
 /// Levels over the program's supports: down to a 4096th of the coarsest spacing. Points closer than that are one.
 const MOST_LEVELS: usize = 13;
 
-/// Width over spacing over the program's supports.
+/// Width over spacing over the program's supports: 3 errs a twentieth more.
 const GRADED_REACH: f32 = 4.0;
 
 /// Added to the diagonal over the program's supports, whose rows are noisy.
-const GRADED_RIDGE: f64 = 1e-2;
+const GRADED_RIDGE: f64 = 0.1;
 
 impl Steps {
     /// Steps for graded supports: from twice the largest radius down until every support is a member.
@@ -75,12 +76,15 @@ impl<const C: usize> Multistep<C> {
         let space = |spacing| {
             if steps.with_normals { Space::parting(steps.reach * spacing) } else { Space { turn: 0.0 } }
         };
+        let mut before = 0;
         for level in levels::nested(&points, steps.coarsest, steps.most, space) {
-            let members: Vec<SurfacePoint> = level.members.iter().map(|&m| points[m as usize]).collect();
-            let mut left: Vec<[f64; C]> = level.members.iter().map(|&m| values[m as usize]).collect();
+            let stirred = stirred(&points, &level, before, steps.reach * level.spacing);
+            before = level.members.len();
+            let members: Vec<SurfacePoint> = stirred.iter().map(|&m| points[m as usize]).collect();
+            let mut left: Vec<[f64; C]> = stirred.iter().map(|&m| values[m as usize]).collect();
             let coarser = made.evaluate(&members);
             left.iter_mut().zip(coarser).for_each(|(v, s)| add(v, -1.0, &s.unwrap_or(mean)));
-            made.rungs.push(Rung::fit(&members, &left, &level, steps)?);
+            made.rungs.push(Rung::fit(&members, &left, level.spacing, steps)?);
         }
         Ok(made)
     }
@@ -91,20 +95,30 @@ impl<const C: usize> Multistep<C> {
     }
 }
 
+/// The members of a level that functions are needed for: those from number `before` on, which are new, and the others within a
+/// function's width of them. What is left at the rest is zero already, and no new function reaches it.
+fn stirred(points: &[SurfacePoint], level: &Level, before: usize, width: f32) -> Vec<u32> {
+    let (old, new) = level.members.split_at(before);
+    let mut near = Octaves::default();
+    new.iter().for_each(|&m| near.push(m, points[m as usize].position, width));
+    let reached = |m: &&u32| {
+        let at = points[**m as usize].position;
+        let mut reached = false;
+        near.for_each(at, |o| reached |= points[o as usize].position.distance(at) < width);
+        reached
+    };
+    new.iter().chain(old.iter().filter(reached)).copied().collect()
+}
+
 impl<const C: usize> Rung<C> {
-    fn fit(
-        members: &[SurfacePoint],
-        left: &[[f64; C]],
-        level: &Level,
-        steps: &Steps,
-    ) -> Result<Self, String> {
-        let widths = Widths { unit: level.spacing, reach: steps.reach, with_normals: steps.with_normals };
+    fn fit(members: &[SurfacePoint], left: &[[f64; C]], spacing: f32, steps: &Steps) -> Result<Self, String> {
+        let widths = Widths { unit: spacing, reach: steps.reach, with_normals: steps.with_normals };
         let kernel = Kernel::new(members, vec![0.0; members.len()], None, widths);
         let mut rows = kernel.rows();
         rows.iter_mut().enumerate().for_each(|(i, row)| row.push((i, steps.ridge)));
         let system = System::factor(rows)?;
         let coefficients = system.solve(left);
-        Ok(Self { kernel, coefficients, system, spacing: level.spacing })
+        Ok(Self { kernel, coefficients, system, spacing })
     }
 }
 

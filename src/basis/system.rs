@@ -90,7 +90,7 @@ mod tests {
 
     /// 2 on the diagonal, −1 beside it: eigenvalues 2 − 2 cos(kπ/(n+1)).
     fn chain(n: usize) -> SparseRows {
-        let near = |i: usize| (i.saturating_sub(1)..(i + 2).min(n));
+        let near = |i: usize| i.saturating_sub(1)..(i + 2).min(n);
         (0..n).map(|i| near(i).map(|j| (j, if i == j { 2.0 } else { -1.0 })).collect()).collect()
     }
 

@@ -6,6 +6,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use super::values;
 use crate::basis::Basis;
+use crate::links::points::Operator;
 
 /// Diffuse global illumination by meshless hierarchical radiosity.
 #[derive(Debug, Parser)]
@@ -126,6 +127,9 @@ pub struct Bake {
     /// How light is interpolated: docs/bases.md compares
     #[arg(long, value_name = "BASIS", default_value_t = Basis::default(), value_parser = values::basis())]
     pub basis: Basis,
+    /// What turns radiosity into irradiance: rows of rays, or for small scenes the kernel between points
+    #[arg(long, value_name = "OPERATOR", default_value_t = Operator::default(), value_parser = values::operator(), hide = true)]
+    pub operator: Operator,
     /// Throw away what the job directory holds and begin again
     #[arg(long)]
     pub restart: bool,

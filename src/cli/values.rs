@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::basis::Basis;
+use crate::links::points::Operator;
 
 /// Parses "2%" or "0.02" as a share within (0, 1].
 pub fn share(text: &str) -> Result<f64, String> {
@@ -46,6 +47,11 @@ pub fn bytes(text: &str) -> Result<u64, String> {
 /// A parser of the bases' names.
 pub fn basis() -> impl TypedValueParser<Value = Basis> {
     PossibleValuesParser::new(Basis::ALL.map(Basis::name)).try_map(|name| name.parse::<Basis>())
+}
+
+/// A parser of the operators' names.
+pub fn operator() -> impl TypedValueParser<Value = Operator> {
+    PossibleValuesParser::new(Operator::ALL.map(Operator::name)).try_map(|name| name.parse::<Operator>())
 }
 
 /// A parser of file names that end in one of `endings`.

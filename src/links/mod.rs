@@ -7,6 +7,7 @@ pub mod compress;
 pub mod dense;
 pub mod direct;
 pub mod lamps;
+pub mod points;
 pub mod receivers;
 pub mod refine;
 pub mod rows;

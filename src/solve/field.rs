@@ -122,30 +122,26 @@ impl Field<'_> {
         let negative = indirect.min_element() < 0.0;
         let error = if negative { f32::INFINITY } else { claim(self.solution, near, fit) };
         let local = Irradiance { direct, indirect: indirect.max(Rgb::ZERO), sky_visibility, error };
-        self.smooth.map_or(local, |smooth| self.smoothed(point, near, (smooth, fit, local)))
+        self.smooth.map_or(local, |smooth| self.smoothed(point, smooth, local))
     }
 
-    /// What a global function says, and how far it is to be believed: it knows no walls, the receivers near the point do.
+    /// What a global function says. It knows no walls, the receivers that the point sees do: where they disagree, nobody is
+    /// believed.
     fn smoothed(
         &self,
         point: &SurfacePoint,
-        near: &[u32],
-        (smooth, fit, local): (&dyn Reconstruction<4>, &Fit, Irradiance),
+        smooth: &dyn Reconstruction<4>,
+        local: Irradiance,
     ) -> Irradiance {
         let Some([r, g, b, sky]) = smooth.at(point).map(|v| v.map(|v| v as f32)) else {
             return Irradiance { error: f32::INFINITY, ..local };
         };
         let indirect = Rgb::new(r, g, b);
-        let light = |r: &u32| self.solution.irradiance[*r as usize];
-        let low = near.iter().map(light).fold(Rgb::INFINITY, Rgb::min);
-        let high = near.iter().map(light).fold(Rgb::NEG_INFINITY, Rgb::max);
-        let outside = (low - indirect).max(indirect - high).max_element().max(0.0);
-        let noise = |(&r, w): (&u32, &f32)| self.solution.noise[r as usize].powi(2) * w.abs();
-        // It meets every row, noise and all, where a local fit averages.
-        let noise: f32 = near.iter().zip(&fit.weights).map(noise).sum();
-        let negative = indirect.min_element() < 0.0;
+        // Darkness is looked into, whatever seeps in from beyond a wall.
+        let dark = mean_channel(local.indirect) < DARK * self.solution.level;
+        let doubtful = dark || indirect.min_element() < 0.0;
         let error =
-            if negative { f32::INFINITY } else { (local.error.powi(2) + noise + outside * outside).sqrt() };
+            if doubtful { f32::INFINITY } else { local.error.hypot(mean_channel(indirect - local.indirect)) };
         let sky_visibility = sky.clamp(0.0, 1.0);
         Irradiance { indirect: indirect.max(Rgb::ZERO), sky_visibility, error, ..local }
     }

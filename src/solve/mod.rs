@@ -65,12 +65,26 @@ pub struct Solution {
 impl Problem<'_> {
     /// Solves for the light.
     pub fn solve(&self, params: &IterateParams) -> (Solution, IterateReport) {
-        let transport = Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo };
+        self.solve_by(|radiosity| self.transport().gather(radiosity), params)
+    }
+
+    fn transport(&self) -> Transport<'_> {
+        Transport { rows: &self.receivers.rows, spread: self.spread, albedo: self.albedo }
+    }
+
+    /// Solves for the light with another map from the sites' radiosity to irradiance at receivers.
+    pub fn solve_by(
+        &self,
+        gather: impl Fn(&[Rgb]) -> Vec<Rgb>,
+        params: &IterateParams,
+    ) -> (Solution, IterateReport) {
+        let transport = self.transport();
         let own = self.unreflected();
         let sky = self.sky_light();
-        let mut first = transport.gather(&own);
+        let mut first = gather(&own);
         first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
-        let (irradiance, report) = iterate::solve(|x| transport.apply(x), &first, params);
+        let (irradiance, report) =
+            iterate::solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params);
         let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));

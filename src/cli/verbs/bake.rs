@@ -22,6 +22,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         max_bounces: request.max_bounces,
         seed: request.seed,
         basis: request.basis,
+        operator: request.operator,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,
