@@ -63,7 +63,9 @@ fn size(text: &str) -> [f64; 2] {
 fn held(stem: &Path) -> String {
     let text = std::fs::read_to_string(stem.with_extension("svg")).unwrap();
     assert_eq!(balanced(&text)[0], "svg");
-    assert!(!text.contains("NaN") && !text.contains("\"inf"), "{}", stem.display());
+    // A picture's letters may spell anything.
+    let mut plain = text.split("base64,").map(|part| part.split_once('"').map_or(part, |(_, rest)| rest));
+    assert!(plain.all(|part| !part.contains("NaN") && !part.contains("inf\"")), "{}", stem.display());
     let picture = image::open(stem.with_extension("png")).unwrap().to_rgb8();
     let [width, height] = size(&text).map(|v| (2.0 * v).round() as u32);
     assert_eq!(picture.dimensions(), (width, height), "{}", stem.display());

@@ -25,8 +25,7 @@ const BEYOND: f32 = 1.9;
 const LINKED: Pen = Pen::new(Colour::new(0x00, 0x72, 0xb2), 1.7);
 const CUT: Pen = Pen { colour: Colour::new(0xd5, 0x5e, 0x00), width: 1.7, dash: Some([4.0, 3.0]) };
 const APART: Pen = Pen::new(Colour::new(0xbb, 0xbb, 0xbb), 0.8);
-const REST: Pen =
-    Pen { colour: Colour::new(0x56, 0xb4, 0xe9).veiled(170), width: 0.8, dash: Some([2.0, 2.0]) };
+const REST: Pen = Pen::new(Colour::new(0x56, 0xb4, 0xe9).veiled(120), 0.6);
 const CLEAN: Colour = Colour::new(0x22, 0x22, 0x22);
 const UNCLEAN: Colour = Colour::new(0xd5, 0x5e, 0x00);
 
@@ -117,13 +116,13 @@ fn panel(figure: &mut Figure, field: &Field<'_>, (site, reason): (SiteId, &str),
     figure.group("neighbourhood", Some(*place), |figure| {
         let bare = Colour::new(0xf2, 0xf6, 0xfa);
         figure.disc(place.centre(), scale * f64::from(spacing), bare, Some(Pen::new(palette::GRID, 1.0)));
+        let rest = rest(field, &hood);
+        rest.iter().filter(shown).for_each(|e| figure.line(&e.map(at), REST));
         // Edges that say most lie above.
         for (bond, pen) in [(Bond::Apart, APART), (Bond::Linked, LINKED), (Bond::Cut, CUT)] {
             let of = |edge: &&[usize; 2]| hood.bond(around.sites, around.graph, **edge) == bond;
             hood.edges.iter().filter(shown).filter(of).for_each(|e| figure.line(&e.map(at), pen));
         }
-        let rest = rest(field, &hood);
-        rest.iter().filter(shown).for_each(|e| figure.line(&e.map(at), REST));
         for (k, (site, _)) in hood.sites.iter().enumerate().filter(|(k, _)| place.grown(4.0).holds(at(*k))) {
             dot(figure, at(k), k == 0, around.graph.unclean(*site));
         }

@@ -13,7 +13,7 @@ use crate::solve::Field;
 const RADIUS: f64 = 125.0;
 const MARGIN: f64 = 16.0;
 /// Room above the discs for titles, below for the key, to the right for colours.
-const HEAD: f64 = 62.0;
+const HEAD: f64 = 70.0;
 const FOOT: f64 = 52.0;
 const BAR: f64 = 84.0;
 /// Share of the disc that dots cover.
@@ -74,7 +74,7 @@ fn disc(
         format!("{} rays, radius {}", met.len(), length(field, support.radius)),
     ];
     for (k, line) in title.iter().enumerate() {
-        let at = [centre[0], centre[1] - RADIUS - 18.0 + 13.0 * k as f64];
+        let at = [centre[0], centre[1] - RADIUS - 25.0 + 13.0 * k as f64];
         figure.text(Text::new(at, 10.0, line).anchored(Anchor::Middle));
     }
     let radius = (RADIUS * (COVERED / met.len().max(1) as f64).sqrt()).min(LARGEST);
