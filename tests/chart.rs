@@ -10,7 +10,18 @@ use command::{Place, code, lines, stderr, stdout};
 
 /// A short ladder: two targets and one number of paths.
 const LADDER: [&str; 12] = [
-    "chart", "scene.toml", "-o", "charts", "--errors", "30%,15%", "--spp", "16", "--reference-spp", "256", "--seed", "3",
+    "chart",
+    "scene.toml",
+    "-o",
+    "charts",
+    "--errors",
+    "30%,15%",
+    "--spp",
+    "16",
+    "--reference-spp",
+    "256",
+    "--seed",
+    "3",
 ];
 
 /// The scene's name in tables and files: that of the folder it lies in.
@@ -106,7 +117,11 @@ fn what_has_no_meaning_is_refused() {
     let place = Place::new();
     assert_eq!(code(&place.run(&["chart"])), 2);
     assert_eq!(code(&place.run(&["chart", "scene.toml"])), 2, "no folder");
-    assert_eq!(code(&place.run(&["chart", "scene.toml", "--stability", "-o", "d"])), 2, "one thing at a time");
+    assert_eq!(
+        code(&place.run(&["chart", "scene.toml", "--stability", "-o", "d"])),
+        2,
+        "one thing at a time"
+    );
     assert_eq!(code(&place.run(&["chart", "nowhere.ply", "-o", "d"])), 4);
     assert_eq!(code(&place.run(&["chart", "scene.toml", "-o", "d", "--basis", "wavelet"])), 2);
     std::fs::write(place.path("reference.csv"), "x,y,z,nx,ny,nz\n0,0,0,0,1,0\n").unwrap();
@@ -142,7 +157,8 @@ fn an_interrupted_chart_goes_on() {
         .spawn()
         .unwrap();
     std::thread::sleep(std::time::Duration::from_secs(2));
-    let sent = std::process::Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap();
+    let sent =
+        std::process::Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap();
     assert!(sent.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
     assert!(text(&journal).lines().count() >= before);

@@ -130,7 +130,8 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["export", "job", "-o", "out.ply"], 0);
     held(&place, &["render", "job", "-o", "out.png"], 0);
     held(&place, &["render", "job", "--camera", "front", "-o", "out.exr"], 0);
-    let ladder = ["chart", "scene.toml", "-o", "charts", "--errors", "50%", "--spp", "16", "--reference-spp", "16"];
+    let ladder =
+        ["chart", "scene.toml", "-o", "charts", "--errors", "50%", "--spp", "16", "--reference-spp", "16"];
     held(&place, &ladder, 0);
     held(&place, &["completions", "bash"], 0);
     held(&place, &["man"], 0);

@@ -7,6 +7,7 @@ use glowtree::basis::Basis;
 use glowtree::compare::known;
 use glowtree::compare::stability::{self, Measured, Row, report};
 use glowtree::light::mean_channel;
+use glowtree::links::points::Operator;
 
 /// Measures a row, prints its numbers and asserts that it holds; where there is a textbook scheme, that it does not.
 fn holds(number: usize) {
@@ -38,7 +39,13 @@ fn two_seeds_differ_where_the_target_is_loose() {
     let scene = known::scene(&parts);
     let points = known::points_on(&scene, 0, 1500, 29);
     let [one, other] = [1, 2].map(|seed| {
-        let target = Target { error: 0.2, seed, bounces: None, basis: Basis::default() };
+        let target = Target {
+            error: 0.2,
+            seed,
+            bounces: None,
+            basis: Basis::default(),
+            operator: Operator::default(),
+        };
         let (model, ..) = pipeline::reach(&scene, &target, &Silent).expect("nothing interrupts");
         let answers = model.field().evaluate(&points);
         answers.iter().map(|a| f64::from(mean_channel(a.total()))).collect::<Vec<_>>()

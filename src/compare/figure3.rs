@@ -14,6 +14,7 @@ use crate::basis::Basis;
 use crate::compare::known::{self, box_faces, cuboid, part, quad};
 use crate::error::{Error, Result};
 use crate::light::{Rgb, mean_channel};
+use crate::links::points::Operator;
 use crate::output::exposure;
 use crate::output::picture::{Film, Quality, View, render};
 use crate::plot::canvas::{Anchor, Colour, Figure, Picture, Rect, Text};
@@ -67,7 +68,8 @@ fn scene() -> Scene {
 pub fn write(folder: &Path, monitor: &dyn Monitor) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "making the folder", e))?;
     let scene = scene();
-    let target = |error, basis, bounces| Target { error, seed: 1, bounces, basis };
+    let target =
+        |error, basis, bounces| Target { error, seed: 1, bounces, basis, operator: Operator::default() };
     let bake = |target: Target| pipeline::reach(&scene, &target, monitor).map(|(model, ..)| model);
     let default = Basis::default();
     let converged = shot(&bake(target(CONVERGED, default, None))?, false, monitor)?;

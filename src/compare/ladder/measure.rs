@@ -8,6 +8,7 @@ use crate::bake::pipeline::{self, Target};
 use crate::bake::{Monitor, Stopwatch, store};
 use crate::error::{Error, Result};
 use crate::light::{Rgb, mean_channel};
+use crate::links::points::Operator;
 
 /// Measures what a key asks for, on as many threads as it says.
 pub fn measure(subject: &Subject, key: &Key, folder: &Path, monitor: &dyn Monitor) -> Result<Measurement> {
@@ -15,7 +16,13 @@ pub fn measure(subject: &Subject, key: &Key, folder: &Path, monitor: &dyn Monito
     let pool = pool.map_err(|e| Error::Usage(format!("{} threads: {e}", key.threads)))?;
     pool.install(|| match key.method {
         Method::Bake(basis) => {
-            let target = Target { error: key.target, seed: key.seed, bounces: None, basis };
+            let target = Target {
+                error: key.target,
+                seed: key.seed,
+                bounces: None,
+                basis,
+                operator: Operator::default(),
+            };
             baked(subject, key, &target, (folder, monitor))
         }
         Method::Paths => traced(subject, key, monitor),

@@ -9,6 +9,7 @@ use crate::compare::known::points_on;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::mean_channel;
+use crate::links::points::Operator;
 use crate::rays::Bvh;
 use crate::reference::{self, ReferenceParams};
 use crate::scene::Scene;
@@ -37,7 +38,8 @@ pub fn planned(scene: Scene, error: f64, monitor: &dyn Monitor) -> Result<(Model
 
 /// As `glowtree bake --error` does it.
 pub fn asked(scene: &Scene, error: f64, seed: u64, monitor: &dyn Monitor) -> Result<(Model, PipelineReport)> {
-    let target = Target { error, seed, bounces: None, basis: Basis::default() };
+    let target =
+        Target { error, seed, bounces: None, basis: Basis::default(), operator: Operator::default() };
     let (model, _, report) = pipeline::reach(scene, &target, &Within(monitor))?;
     Ok((model, report))
 }

@@ -162,12 +162,14 @@ pub fn coincident(monitor: &dyn Monitor) -> Result<Numbers> {
     let of_mesh = |mesh: usize| {
         let points = on(&model, mesh, 2000);
         let clear = points.iter().map(|p| clearance(model.scene.placement.to_world(p.position), mesh));
-        let told: Vec<(f64, f64)> = clear.zip(light(&model, &points)).filter(|(clear, _)| *clear > 0.0).collect();
+        let told: Vec<(f64, f64)> =
+            clear.zip(light(&model, &points)).filter(|(clear, _)| *clear > 1e-4).collect();
         told
     };
     let outside: Vec<(f64, f64)> = (0..4).flat_map(of_mesh).collect();
     let all: Vec<f64> = outside.iter().map(|(_, light)| *light).collect();
-    let flat: Vec<f64> = outside.iter().filter(|(clear, _)| *clear > CLEAR).map(|(_, light)| *light).collect();
+    let flat: Vec<f64> =
+        outside.iter().filter(|(clear, _)| *clear > CLEAR).map(|(_, light)| *light).collect();
     // B = H = E₀/(1 − ρ).
     let furnace = vec![2.0; all.len()];
     let ours = vec![
@@ -214,7 +216,8 @@ const CLEAR: f64 = 0.05;
 /// Distance of a place on a mesh from the nearest other solid, negative within one or outside of the room.
 fn clearance(at: DVec3, mesh: usize) -> f64 {
     let block = |[min, max]: [DVec3; 2]| (min - at).max(at - max).max_element();
-    let others = [-block([DVec3::ZERO, DVec3::ONE]), block(BLOCKS[0]), block(BLOCKS[1]), at.distance(BALL.0) - BALL.1];
+    let others =
+        [-block([DVec3::ZERO, DVec3::ONE]), block(BLOCKS[0]), block(BLOCKS[1]), at.distance(BALL.0) - BALL.1];
     (0..4).filter(|k| *k != mesh).map(|k| others[k]).fold(f64::INFINITY, f64::min)
 }
 
