@@ -1,7 +1,7 @@
 //! The seed paper's Figure 3 redone: a simple room with boxes, by ways to find its light, and where each errs.
 //!
 //! Columns: without radiosity, in Shepard's basis, in the radial one, and after ten bounces; below each the difference of
-//! its irradiance from a converged bake in the default basis at 0.5 %.
+//! its radiance from a converged bake in the default basis at 0.5 %.
 
 use std::path::{Path, PathBuf};
 

@@ -9,6 +9,7 @@ use crate::bake::{Monitor, Stopwatch, store};
 use crate::error::{Error, Result};
 use crate::light::{Rgb, mean_channel};
 use crate::links::points::Operator;
+use crate::solve::Irradiance;
 
 /// Measures what a key asks for, on as many threads as it says.
 pub fn measure(subject: &Subject, key: &Key, folder: &Path, monitor: &dyn Monitor) -> Result<Measurement> {
@@ -60,7 +61,7 @@ fn baked(
     let watch = Stopwatch::start();
     let answers = model.field().evaluate(&subject.truth.points);
     let answer_seconds = watch.seconds();
-    let light: Vec<Rgb> = answers.iter().map(|a| a.total()).collect();
+    let light: Vec<Rgb> = answers.iter().map(Irradiance::total).collect();
     // Only its size is wanted.
     let job = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder", e))?;
     let digest = Digest::of_bytes(&[]);

@@ -1,7 +1,7 @@
 //! What is true at which points: a reference beside the scene, or one of our own that is kept in the chart's folder.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::Request;
 use crate::archive::Digest;
@@ -91,7 +91,7 @@ fn read(path: &Path, scene: &Scene) -> Result<Truth> {
 }
 
 /// Traces points over all that reflects and does not shine, by area.
-fn make(path: &PathBuf, scene: &Scene, samples: u32, monitor: &dyn Monitor) -> Result<()> {
+fn make(path: &Path, scene: &Scene, samples: u32, monitor: &dyn Monitor) -> Result<()> {
     let table = PointTable::from_reader(places(scene).as_bytes(), path)?;
     let points = table.local(&scene.placement);
     if points.is_empty() {

@@ -12,7 +12,7 @@ pub fn shown(value: f64, unit: Unit) -> String {
     match value {
         v if v.is_nan() => "NaN".into(),
         v if v.is_infinite() => "∞".into(),
-        v if v == 0.0 => format!("0{sign}"),
+        0.0 => format!("0{sign}"),
         v if v.abs() < 1e-3 || v.abs() >= 1e5 => format!("{v:.1e}{sign}"),
         v if v.abs() < 1.0 => format!("{v:.3}{sign}"),
         v if v.fract() == 0.0 => format!("{v}{sign}"),

@@ -51,12 +51,12 @@ pub fn at_sites(model: &Model) -> Vec<f64> {
 pub fn blind(model: &Model, light: &[f64], point: &SurfacePoint) -> f64 {
     let (mut sum, mut weights) = (0.0, 0.0);
     let sites = &model.sites;
-    for site in 0..sites.len() {
+    for (site, value) in light.iter().enumerate() {
         let reach = 2.0 * sites.spacings[site];
         let distance = sites.positions[site].distance(point.position);
         if distance < reach && sites.normals[site].dot(point.normal) > 0.7 {
             let weight = f64::from((1.0 - distance / reach).powi(2));
-            sum += weight * light[site];
+            sum += weight * value;
             weights += weight;
         }
     }

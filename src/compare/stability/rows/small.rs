@@ -89,6 +89,9 @@ const DIRECT: f64 = 0.02;
 /// Exitance of the tiny emitters: they light the room as one of size 1 and exitance 1 would.
 const BRIGHT: f64 = 1e6;
 
+/// The area over π that an emitter shows along a way to it, world units.
+type Shown<'a> = &'a dyn Fn(DVec3) -> f64;
+
 /// Direct light of a ball and of a disc of radius 10⁻³ in a room of half-width 1 within 2 % at the worst of 1,200 points.
 ///
 /// Of the ball H = E₀ (r/d)² cosθ, r² its area over 4π, from which 1,280 facets differ by 0.2 %; of the disc
@@ -101,8 +104,7 @@ pub fn emitter(monitor: &dyn Monitor) -> Result<Numbers> {
     // From the point, at world position -way: the ball shows the same to all sides, the disc looks down.
     let of_ball = |_: DVec3| ball_square;
     let of_disc = |way: DVec3| disc_square * way.normalize().z.max(0.0);
-    let emitters: [(&str, Shape, &dyn Fn(DVec3) -> f64); 2] =
-        [("ball", ball, &of_ball), ("disc", disc, &of_disc)];
+    let emitters: [(&str, Shape, Shown<'_>); 2] = [("ball", ball, &of_ball), ("disc", disc, &of_disc)];
     for (name, shape, square) in emitters {
         let walls = cuboid(DVec3::splat(-1.0), DVec3::ONE, 1).flipped();
         let parts = [part("walls", walls, 0.5), part("emitter", shape, 0.0).exitance(BRIGHT as f32)];
