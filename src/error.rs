@@ -95,6 +95,12 @@ pub enum Error {
         /// Relative residual reached.
         residual: f64,
     },
+    /// Rows of the stability table exceed their limits.
+    #[error("the stability table does not hold: rows {rows}; please report it with the table")]
+    Unstable {
+        /// Their numbers, with commas.
+        rows: String,
+    },
     /// A signal asked the program to stop; the job is resumable.
     #[error("interrupted by {signal}; run the same command again", signal = if *terminated { "SIGTERM" } else { "SIGINT" })]
     Interrupted {
@@ -107,6 +113,7 @@ impl Error {
     /// The program's exit code for this error; fixed for ever.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Self::Unstable { .. } => 1,
             Self::Usage(_) => 2,
             Self::JobDiffers { .. } => 3,
             Self::Input { .. } => 4,

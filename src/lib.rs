@@ -22,6 +22,7 @@ pub mod archive;
 pub mod bake;
 pub mod basis;
 pub mod cli;
+pub mod compare;
 pub mod error;
 pub mod geometry;
 pub mod light;

@@ -130,6 +130,9 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["export", "job", "-o", "out.ply"], 0);
     held(&place, &["render", "job", "-o", "out.png"], 0);
     held(&place, &["render", "job", "--camera", "front", "-o", "out.exr"], 0);
+    let ladder =
+        ["chart", "scene.toml", "-o", "charts", "--errors", "50%", "--spp", "16", "--reference-spp", "16"];
+    held(&place, &ladder, 0);
     held(&place, &["completions", "bash"], 0);
     held(&place, &["man"], 0);
 }
@@ -141,6 +144,7 @@ fn every_failure_speaks_the_schema() {
     held(&place, &["bake", "missing.ply"], 4);
     held(&place, &["bake", "scene.toml", "--error", "nonsense"], 2);
     held(&place, &["frobnicate"], 2);
+    held(&place, &["chart", "scene.toml"], 2);
     held(&place, &["probe", "job", "--points", "points.csv"], 2);
     std::fs::write(place.path("bad.ply"), "ply\n").unwrap();
     held(&place, &["bake", "bad.ply"], 4);
@@ -159,6 +163,10 @@ fn the_validator_notices() {
     let schema = schema();
     let good = json!({"type": "warning", "message": "so"});
     assert_eq!(check(&schema, &schema, &good, "line"), Ok(()));
+    let number = json!({"what": "leak", "value": null, "limit": 1e-3, "unit": "percent"});
+    let row = json!({"type": "row", "number": 5, "case": "thin wall", "scheme": null, "textbook": [],
+        "ours": [number], "holds": false});
+    assert_eq!(check(&schema, &schema, &row, "line"), Ok(()));
     for bad in [
         json!({"type": "warning"}),
         json!({"type": "warning", "message": 3}),

@@ -35,17 +35,17 @@ fn configuration_factors_agree_with_the_catalogue() {
     near(exact::coaxial_discs(1.0, 1.0, 1.0), 0.38196601125, 1e-10);
     near(exact::coaxial_discs(1.0, 1.0, 2.0), 0.171572875254, 1e-10);
     near(exact::coaxial_discs(1.0, 2.0, 1.0), 0.7639320225, 1e-10);
-    near(exact::element_under_centre(1.0, 1.0, 1.0), 0.239456470461, 1e-11);
-    near(exact::element_under_corner(1.0, 1.0, 1.0), 0.138531605995, 1e-11);
+    near(exact::point_under_centre(1.0, 1.0, 1.0), 0.239456470461, 1e-11);
+    near(exact::point_under_corner(1.0, 1.0, 1.0), 0.138531605995, 1e-11);
     let table = [(0.1, 0.22173867087), (0.5, 0.124268909915), (1.0, 0.0557341970026)];
-    table.iter().for_each(|(c, f)| near(exact::element_perpendicular_to_square(*c), *f, 1e-10));
+    table.iter().for_each(|(c, f)| near(exact::point_perpendicular_to_square(*c), *f, 1e-10));
 }
 
 #[test]
 fn lambert_agrees_with_the_rectangle() {
     let square = [(0.0, 0.0), (0.0, 1.0), (1.0, 1.0), (1.0, 0.0)].map(|(x, y)| DVec3::new(x, y, 1.0));
     // Both are closed forms in f64: a dozen roundings.
-    near(exact::element_to_polygon(DVec3::ZERO, DVec3::Z, &square), 0.138531605995, 1e-11);
+    near(exact::point_to_polygon(DVec3::ZERO, DVec3::Z, &square), 0.138531605995, 1e-11);
     // A polygon of n corners misses a share of about (2π²/3)/n² of the disc: 7e-6 at n = 1000.
     let n = 1000;
     let disc: Vec<DVec3> = (0..n)
@@ -54,7 +54,7 @@ fn lambert_agrees_with_the_rectangle() {
             DVec3::new(x, y, 0.5)
         })
         .collect();
-    near(exact::element_to_polygon(DVec3::ZERO, DVec3::Z, &disc), exact::element_to_disc(1.0, 0.5), 1e-5);
+    near(exact::point_to_polygon(DVec3::ZERO, DVec3::Z, &disc), exact::point_to_disc(1.0, 0.5), 1e-5);
 }
 
 #[test]

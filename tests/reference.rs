@@ -169,7 +169,7 @@ fn point_lamp_in_a_room_gives_its_mean_and_its_direct_light() {
 #[test]
 fn plates_emit_and_block_by_their_sides() {
     let plate = |z: f64| shapes::quad(DVec3::new(-0.5, -0.5, z), DVec3::X, DVec3::Y, 1);
-    let factor = exact::element_under_centre(1.0, 1.0, 1.0);
+    let factor = exact::point_under_centre(1.0, 1.0, 1.0);
     let below =
         |scene: &Scene| SurfacePoint { position: scene.placement.to_local(DVec3::ZERO), normal: Vec3::Z };
     let emitter = |shape| part("plate", shape, 0.0).exitance(1.0);

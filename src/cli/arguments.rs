@@ -85,6 +85,8 @@ pub enum Verb {
     Render(Render),
     /// Show what a job holds: counts, bytes, timings, and pictures of it with --plot
     Inspect(Inspect),
+    /// Measure: speed against accuracy, or the stability table
+    Chart(Chart),
     /// Print a completion script for a shell
     Completions(Completions),
     /// Print the manual page (roff)
@@ -210,6 +212,39 @@ pub struct Inspect {
     /// The receiver whose row and links are drawn [default: a few that tell most]
     #[arg(long, value_name = "N", requires = "plot")]
     pub receiver: Option<u32>,
+}
+
+/// `chart SCENE… -o DIR`, `chart --stability`, `chart --figure3`
+#[derive(Debug, Args)]
+#[command(group(clap::ArgGroup::new("what").required(true).args(["scenes", "stability", "figure3"])))]
+pub struct Chart {
+    /// Scenes to measure: meshes or scene.toml; `reference.csv` beside one judges it, else one is made in DIR
+    #[arg(value_name = "SCENE", requires = "output")]
+    pub scenes: Vec<PathBuf>,
+    /// Print the stability table: seventeen hard cases; a row that does not hold says FAIL, and the exit code is 1
+    #[arg(long)]
+    pub stability: bool,
+    /// Draw one room without radiosity, in two bases and after ten bounces, with maps of the errors
+    #[arg(long, requires = "output")]
+    pub figure3: bool,
+    /// Folder for tables and figures; the same command again measures what is missing there
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+    /// Error targets, as 10%,5%,2%,1%
+    #[arg(long, value_name = "SHARES", value_delimiter = ',', default_value = "10%,5%,2%,1%", value_parser = values::share)]
+    pub errors: Vec<f64>,
+    /// How light is interpolated; repeat for several
+    #[arg(long, value_name = "BASIS", default_values_t = [Basis::default()], value_parser = values::basis())]
+    pub basis: Vec<Basis>,
+    /// Paths a point of path tracing, as 16,64; 0 for no path tracing
+    #[arg(long, value_name = "N", value_delimiter = ',', default_value = "16,64,256,1024")]
+    pub spp: Vec<u32>,
+    /// Paths a point of a reference that is made
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..))]
+    pub reference_spp: u32,
+    /// Seed of every random number
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
 }
 
 /// `completions SHELL`

@@ -119,7 +119,7 @@ fn elements_under_a_small_lamp() {
         normal: glam::Vec3::Z,
     };
     let answers = model.field().evaluate(&[at(0.0, 0.0), at(0.5, 0.5)]);
-    let want = [exact::element_under_centre(1.0, 1.0, 1.0), exact::element_under_corner(1.0, 1.0, 1.0)];
+    let want = [exact::point_under_centre(1.0, 1.0, 1.0), exact::point_under_corner(1.0, 1.0, 1.0)];
     for (answer, want) in answers.iter().zip(want) {
         within("element under a square", f64::from(mean_channel(answer.total())), want, 1e-4);
     }

@@ -64,7 +64,8 @@ pub fn summary(verb: &str, figures: impl Serialize) -> String {
     serialised(&Summary { r#type: "summary", verb, figures })
 }
 
-fn serialised(line: &impl Serialize) -> String {
+/// Any line as text, its end included.
+pub fn serialised(line: &impl Serialize) -> String {
     // Plain structs of numbers and strings: serialising them cannot fail.
     let text = serde_json::to_string(line);
     text.map_or_else(

@@ -250,6 +250,14 @@ pub fn print_error_line(code: u8, message: &str) {
     let _ = print(json::text(&Line::Error { code, message }).as_bytes());
 }
 
+/// Prints a result of its own as a JSON line on standard output.
+///
+/// # Errors
+/// As [`print`].
+pub fn line(value: &impl Serialize) -> Result<()> {
+    print(json::serialised(value).as_bytes())
+}
+
 /// Writes to standard output at once.
 ///
 /// # Errors

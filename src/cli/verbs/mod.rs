@@ -1,6 +1,7 @@
 //! One file per verb.
 
 pub mod bake;
+pub mod chart;
 mod destination;
 pub mod export;
 pub mod inspect;
