@@ -12,6 +12,7 @@ use super::{Surroundings, covering};
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
 use crate::sites::SiteId;
 use crate::sites::cells::Said;
+use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
 use crate::tree::index::SupportIndex;
 
@@ -64,7 +65,10 @@ pub fn own(around: Surroundings<'_>, receivers: &mut Receivers, chosen: &[u32], 
     for &site in chosen {
         let point = around.sites.point(SiteId(site));
         let mut covered = false;
-        fresh.for_each(&point, 1.0, |_, _| covered = true);
+        fresh.for_each(&point, 1.0, |id, _| {
+            let other = fresh.supports()[id as usize].point;
+            covered = covered || mutually_visible(point, other, receivers.lift, around.bvh);
+        });
         if !covered {
             fresh.push(Support { point, radius: OWN_RADIUS * around.sites.spacings[site as usize] });
         }

@@ -95,7 +95,8 @@ fn mesh(file: &str, rest: &str) -> String {
     format!("[[mesh]]\nfile = \"{file}\"\n{rest}\n")
 }
 
-/// A furnace of broken triangles bakes with counted warnings, finite everywhere and within the target.
+/// A furnace of broken triangles bakes with counted warnings, finite everywhere and within the target; a file with a vertex
+/// at NaN is refused by its name.
 ///
 /// Seen to fail: on the textbook scheme, whose kernel between coincident points is 0/0.
 pub fn broken(monitor: &dyn Monitor) -> Result<Numbers> {
@@ -108,7 +109,10 @@ pub fn broken(monitor: &dyn Monitor) -> Result<Numbers> {
     let scene = scene::load(&folder.write("scene.toml", &whole)?)?;
     folder.write("bad.ply", &ply(&reaching_nan()))?;
     let with_nan = scene::load(&folder.write("nan.toml", &(whole + &mesh("bad.ply", material)))?);
+    // No triangle can be made of such a vertex, and nobody can say what the surface should have been.
+    let named = |e: Error| e.to_string().contains("bad.ply") && e.to_string().contains("finite");
     let uncounted = |w: &&scene::Warning| !w.message.contains(|c: char| c.is_ascii_digit());
+    let refused = with_nan.err().is_some_and(named);
     let (warnings, silent) = (scene.warnings.len(), scene.warnings.iter().filter(uncounted).count());
     let (model, _) = planned(scene, TARGET, monitor)?;
     // The shell's inverted triangle looks out of the room, into the dark.
@@ -124,7 +128,7 @@ pub fn broken(monitor: &dyn Monitor) -> Result<Numbers> {
         Measured::plain("answers that are not finite", infinite as f64, 0.0),
         Measured::plain("warnings missing or without a count", silent as f64 + f64::from(warnings == 0), 0.0),
         Measured::share("irradiance, RMS", square.sqrt(), TARGET),
-        Measured::plain("refused for a vertex at NaN", f64::from(with_nan.is_err()), 0.0),
+        Measured::plain("a vertex at NaN accepted, or refused without its place", f64::from(!refused), 0.0),
     ];
     let matrix = points::matrix(&points::of_parts(&[part("shell", shell(), 0.5), part("junk", junk(), 0.5)]));
     let nan = matrix.iter().flatten().filter(|f| f.is_nan()).count();
