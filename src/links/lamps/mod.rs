@@ -108,7 +108,10 @@ impl Lamp {
     /// [`LampTree`] does the same for all lamps at once and in less time.
     pub fn coupling(&self, at: &SurfacePoint) -> f32 {
         match &self.shape {
-            Shape::Emitter(emitter) => emitter.faces.iter().map(|f| f.form_factor(at)).sum::<f32>().min(1.0),
+            Shape::Emitter(emitter) => {
+                let sum: f64 = emitter.faces.iter().map(|f| f64::from(f.form_factor(at))).sum();
+                sum.min(1.0) as f32
+            }
             Shape::Sky(bright) => bright.texels.iter().map(|t| mean_channel(texel_light(t, at))).sum(),
             Shape::Punctual(kind) => beam(kind, at),
         }

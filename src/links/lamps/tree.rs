@@ -3,7 +3,7 @@
 //! This work is based on: Walter et al., "Lightcuts: A Scalable Approach to Illumination", SIGGRAPH 2005 (clusters cut by
 //! what they contribute), and Conty Estevez and Kulla, "Importance Sampling of Many Lights with Adaptive Tree
 //! Splitting", HPG 2018 (bounding cones of normals). We keep each cluster's light as a sum of vectors, which is exact
-//! for any mixture of orientations and colours as long as all members face the receiver.
+//! for any mixture of orientations and colours as long as all members face the receiver; of the others, see `light`.
 
 use std::ops::Range;
 
