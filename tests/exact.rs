@@ -16,6 +16,8 @@ mod factors;
 mod furnace;
 #[path = "exact/meshes.rs"]
 mod meshes;
+#[path = "exact/open.rs"]
+mod open;
 #[path = "exact/operator.rs"]
 mod operator;
 #[path = "exact/round.rs"]

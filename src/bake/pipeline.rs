@@ -15,7 +15,7 @@ use crate::geometry::SurfacePoint;
 use crate::links::lamps;
 use crate::links::lamps::shadow::Shadows;
 use crate::links::points::{Dense, MOST_SITES, Operator};
-use crate::links::receivers::{Placement, Receivers, Sources, Spread};
+use crate::links::receivers::{LEAST_SHARE, Placement, Receivers, Sources, Spread};
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
@@ -124,7 +124,7 @@ pub fn build(
 
     let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let layout = lay(grounds, plan, &placement, shadows);
+    let layout = lay(grounds, plan, (&placement, shadows), monitor)?;
     stage.advance(layout.sites.len() as u64)?;
     if plan.operator == Operator::Dense && layout.sites.len() > MOST_SITES {
         let sites = layout.sites.len();
@@ -180,17 +180,26 @@ pub fn build(
 }
 
 /// Lays out sites by what the receivers' rays met and by how the lamps' light varies in corners.
-fn lay(grounds: Grounds<'_>, plan: &Plan, placement: &Placement, shadows: Shadows<'_>) -> Layout {
+fn lay(
+    grounds: Grounds<'_>,
+    plan: &Plan,
+    (placement, shadows): (&Placement, Shadows<'_>),
+    monitor: &dyn Monitor,
+) -> Result<Layout> {
     let scene = grounds.scene;
     let (radii, smallest) = (placement.radii(), placement.smallest_radius);
     let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
     let spacing = |at: &Candidate| {
+        // Who asks to stop wants no sites: levels end here, the layout then errors.
+        if monitor.interrupted().is_some() {
+            return None;
+        }
         let (radius, share) =
             radii.at(&at.point).filter(|_| placement.is_lit(scene, at.triangle, at.back))?;
         // Light from lamps and albedo vary even where nothing is near: never coarser than this, weighed by how much of
         // the light there comes from surfaces.
         let spacing =
-            (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(1e-6).sqrt());
+            (radius * plan.site_spacing).min(smallest * plan.widest_spacing / share.max(LEAST_SHARE).sqrt());
         if radius > CORNER * smallest {
             return Some(spacing);
         }
@@ -199,7 +208,7 @@ fn lay(grounds: Grounds<'_>, plan: &Plan, placement: &Placement, shadows: Shadow
     };
     // Where surfaces are nearest most sites are: those get what they want, not up to twice as many.
     let sites = SiteParams { met: smallest * plan.site_spacing, ..plan.sites };
-    Layout::new(grounds, plan, (&sites, &placement.places), spacing)
+    Layout::new(grounds, plan, (&sites, &placement.places), spacing, monitor)
 }
 
 fn solve(

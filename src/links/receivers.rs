@@ -72,6 +72,10 @@ pub struct Sources<'a> {
     pub sky: bool,
 }
 
+/// Surfaces in front of less than this share of a hemisphere, or of all surface, count as this much: where every ray
+/// escapes, lengths that follow from what was met stay above zero.
+pub const LEAST_SHARE: f32 = 1e-6;
+
 /// A side of a mesh with fewer receivers than this is never taken for dark.
 const ENOUGH_TO_TELL: u32 = 8;
 
@@ -112,7 +116,8 @@ impl Placement {
             let exchanging = exchange(&growth, &candidates, &shares);
             settled += exchanging.iter().zip(&keep).filter(|(_, k)| !**k).map(|(e, _)| e).sum::<f64>();
             let open: f64 = exchanging.iter().zip(&keep).filter(|(_, k)| **k).map(|(e, _)| e).sum();
-            placement.smallest_radius = (0.76 * (settled + open) / params.finest).sqrt() as f32;
+            let exchanged = (settled + open).max(f64::from(LEAST_SHARE) * surface.area());
+            placement.smallest_radius = (0.76 * exchanged / params.finest).sqrt() as f32;
             if growth.spacing < placement.smallest_radius {
                 break;
             }

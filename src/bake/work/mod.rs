@@ -8,6 +8,8 @@ use rayon::prelude::*;
 
 use crate::bake::laws::Plan;
 use crate::bake::model::materials;
+use crate::bake::report::progress::Monitor;
+use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::links::Surroundings;
@@ -60,22 +62,28 @@ pub struct Layout {
 
 impl Layout {
     /// Lays sites out by a spacing and looks at the lamps from them.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted) between its steps.
     pub fn new(
         grounds: Grounds<'_>,
         plan: &Plan,
         (sites, heard): (&SiteParams, &[Candidate]),
         spacing: impl Fn(&Candidate) -> Option<f32> + Sync,
-    ) -> Self {
+        monitor: &dyn Monitor,
+    ) -> Result<Self> {
         let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
         let (sites, plots, samples) = Sites::scatter(surface, sites, heard, spacing);
+        monitor.check()?;
         let (graph, linked) = Neighbours::link(&sites, bvh);
+        monitor.check()?;
         let cells = Cells::new(surface, &plots);
         let means = means(&sites, &samples);
         let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
         let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
         let direct = Direct::look(around, &samples, lamps, &plan.direct);
         let rays = linked.ray_count as u64 + direct.rays;
-        Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays }
+        Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays })
     }
 
     /// The rays' world.
