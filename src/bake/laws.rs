@@ -47,6 +47,8 @@ pub struct Plan {
     pub target: f64,
     /// Points that judge the result.
     pub judges: usize,
+    /// Rays of each of their two rows.
+    pub judge_rays: u32,
 }
 
 impl Plan {
@@ -86,6 +88,8 @@ impl Plan {
             passes: 3,
             target: error,
             judges: 500,
+            // Shorter ones are noisier than the errors that they are to see.
+            judge_rays: (256.0 / ease).clamp(256.0, 2048.0) as u32,
         }
     }
 

@@ -59,7 +59,7 @@ const ROUNDS: usize = 3;
 const AIM: f64 = 0.9;
 
 /// The estimate of a few hundred points is this uncertain: no plan is thrown away for less, but it is warned.
-const LENIENCE: f64 = 1.1;
+const LENIENCE: f64 = 1.15;
 
 /// A plan that missed is followed by one that makes up for it, and this much tighter.
 const TIGHTER: f64 = 0.85;
@@ -256,7 +256,8 @@ fn solve_dense(
 
 fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut PipelineReport)) -> Result<()> {
     let stage = Stage::start(monitor, "judge", "points", None);
-    let mut params = ValidateParams { points: plan.judges, rays: 256, seed: plan.sites.seed ^ 0x1d9e };
+    let mut params =
+        ValidateParams { points: plan.judges, rays: plan.judge_rays, seed: plan.sites.seed ^ 0x1d9e };
     report.estimate = validate::judge(&model.field(), &params);
     report.rays += report.estimate.rays;
     stage.advance(params.points as u64)?;

@@ -108,31 +108,44 @@ const OUTLIER: f64 = 36.0;
 
 /// Errors that points share through the sites' radiosities, which no gather against these can see, over the error of
 /// indirect light that it sees: 0.46 was measured in the Cornell box, 0.77 in rooms, 0.84 on the scan (docs/theory.md).
-const SHARED: f64 = 0.65;
+const SHARED: f64 = 0.75;
 
 impl Estimate {
     fn from_samples(samples: &[Sample]) -> Self {
         let mean =
             |f: &dyn Fn(&Sample) -> f64| samples.iter().map(f).sum::<f64>() / samples.len().max(1) as f64;
         let level = mean(&|s| s.mean).max(f64::MIN_POSITIVE);
-        let indirect = tempered(samples, |s| s.indirect).max(0.0);
+        let [direct, indirect, both] = [
+            tempered(samples, |s| s.direct),
+            tempered(samples, |s| s.indirect),
+            tempered(samples, |s| s.both),
+        ];
         let relative = |square: f64| square.max(0.0).sqrt() / level;
         Self {
-            error: relative(tempered(samples, |s| s.both).max(0.0) + SHARED * SHARED * indirect),
-            direct: relative(tempered(samples, |s| s.direct)),
+            error: relative(both + SHARED * SHARED * indirect),
+            direct: relative(direct),
             indirect: relative(indirect),
             rays: 0,
         }
     }
 }
 
-/// The mean of a square over the samples, outliers tempered.
+/// The mean of a square over the samples, outliers tempered; at least its own standard error, below which nothing is known
+/// (products of two gathers' differences may well be negative).
 fn tempered(samples: &[Sample], square: impl Fn(&Sample) -> f64) -> f64 {
     let mut squares: Vec<f64> = samples.iter().map(square).collect();
     squares.sort_unstable_by(f64::total_cmp);
-    let most = squares.len() - squares.len() / 100;
-    let usual = squares[..most].iter().sum::<f64>() / most.max(1) as f64;
-    squares.iter().map(|s| s.min(OUTLIER * usual)).sum::<f64>() / squares.len().max(1) as f64
+    let usual = at_least_its_error(&squares[..squares.len() - squares.len() / 100]);
+    squares.iter_mut().for_each(|s| *s = s.min(OUTLIER * usual));
+    at_least_its_error(&squares)
+}
+
+/// The mean, or its standard error if that is larger.
+fn at_least_its_error(values: &[f64]) -> f64 {
+    let count = values.len().max(1) as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let scatter = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>();
+    mean.max(scatter.sqrt() / count)
 }
 
 /// Points spread by area times the share of rays that meet surfaces: where surfaces exchange light. An endless plane under
@@ -166,5 +179,24 @@ impl Sampler {
         let (hit, point) = around.beside(&at, offset, reach)?;
         let mesh = &around.scene.meshes[around.scene.mesh_of(hit.triangle)];
         (mesh.two_sided || !hit.back).then_some(point)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_claimed_below_the_noise() {
+        // Products of differences that are noise: as many below zero as above.
+        let sample = |k: u64| {
+            let noise = f64::from(hash::unit(3, k)) - 0.55;
+            Sample { direct: 0.0, indirect: noise, both: noise, mean: 1.0, rays: 0 }
+        };
+        let samples: Vec<Sample> = (0..500).map(sample).collect();
+        let estimate = Estimate::from_samples(&samples);
+        // Uniform noise has a standard deviation of 1/√12; the mean of 500 is known to 0.0129, its square root is 0.114.
+        assert!((0.10..0.13).contains(&estimate.indirect), "{estimate:?}");
+        assert!(estimate.direct == 0.0 && estimate.error >= estimate.indirect);
     }
 }
