@@ -72,7 +72,7 @@ fn baked(
         answer_seconds,
         rays: Some(report.rays),
         sites: Some(model.sites.len() as u64),
-        links: Some(model.receivers.rows.met.len() as u64),
+        links: Some(stored.links),
         bytes: Some(stored.archive_bytes),
         true_error: error(&light, &subject.truth),
         estimated_error: report.estimate.error,
