@@ -98,8 +98,8 @@ fn chosen(field: &Field<'_>, asked: Option<u32>) -> Result<Vec<Chosen>> {
 
 /// What a receiver's rays met, the key of their lattice and their number: all that figures know of how rows are kept.
 fn row<'a>(field: &Field<'a>, receiver: u32) -> (&'a [u32], u64) {
-    let rows = &field.problem.receivers.rows;
-    (rows.row(receiver as usize), rows.keys[receiver as usize])
+    let (rows, r) = field.problem.receivers.row(receiver as usize);
+    (rows.row(r), rows.keys[r])
 }
 
 /// The sites that a row meets, ascending, and how many rays meet each.
