@@ -48,7 +48,7 @@ pub fn write(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<Vec<Sta
     let field = model.field();
     let mut quick = field;
     quick.params.doubt = field.params.doubt.max(PREVIEW_DOUBT);
-    (quick.params.rays, quick.params.most_rays) = (PREVIEW_RAYS, PREVIEW_RAYS);
+    (quick.params.rays, quick.params.most_rays, quick.params.noise) = (PREVIEW_RAYS, PREVIEW_RAYS, 0.0);
     let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
     ply::export(&job.join(MESH_FILE), scene, &|points: &[_]| field.evaluate(points), &|vertices| {
         stage.advance(vertices)

@@ -66,6 +66,9 @@ const MOST_LEVERAGE: f32 = 0.99;
 /// Lattices of n rays err by n to the minus this (docs/theory.md, rows).
 const LATTICE_ORDER: f32 = 0.6;
 
+/// Noise is held to the geometric mean of the light around and the mean light, down to this share of the latter.
+const DARKEST: f32 = 0.05;
+
 /// Rows of fewer rays are not shot.
 const FEWEST_RAYS: u32 = 32;
 
@@ -170,7 +173,11 @@ impl Field<'_> {
         if near.len() < FEWEST {
             return rays;
         }
-        let allowed = (noise * self.solution.level).max(f32::MIN_POSITIVE);
+        // Where it is dark noise shows more than its share of the mean tells.
+        let level = self.solution.level;
+        let light = |&r: &u32| mean_channel(self.solution.irradiance[r as usize]);
+        let here = (near.iter().map(light).sum::<f32>() / near.len() as f32).clamp(DARKEST * level, level);
+        let allowed = (noise * (level * here).sqrt()).max(f32::MIN_POSITIVE);
         let by = |&r: &u32| {
             let (rows, _) = self.problem.receivers.row(r as usize);
             rows.rays as f32 * (self.solution.noise[r as usize] / allowed).powf(1.0 / LATTICE_ORDER)
