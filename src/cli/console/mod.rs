@@ -253,7 +253,7 @@ pub fn print_error_line(code: u8, message: &str) {
 /// Prints a result of its own as a JSON line on standard output.
 ///
 /// # Errors
-/// As [`print`].
+/// As [`print()`].
 pub fn line(value: &impl Serialize) -> Result<()> {
     print(json::serialised(value).as_bytes())
 }
