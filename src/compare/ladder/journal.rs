@@ -52,17 +52,19 @@ impl Journal {
         self.known.iter().find(|m| m.key == *key)
     }
 
-    /// Adds a measurement; it is on the disk when this returns.
+    /// Adds a measurement; it is on the disk when this returns. Returns it as it will be read back, the last digit of a
+    /// number included.
     ///
     /// # Errors
     /// [`Error::Io`], [`Error::DiskFull`].
-    pub fn append(&mut self, made: &Measurement) -> Result<()> {
+    pub fn append(&mut self, made: &Measurement) -> Result<Measurement> {
         let failed = |e| Error::io(&self.path, "appending", e);
         let mut line = serde_json::to_vec(made).map_err(|e| failed(e.into()))?;
+        let kept: Measurement = serde_json::from_slice(&line).map_err(|e| failed(e.into()))?;
         line.push(b'\n');
         self.file.write_all(&line).and_then(|()| self.file.sync_all()).map_err(failed)?;
-        self.known.push(made.clone());
-        Ok(())
+        self.known.push(kept.clone());
+        Ok(kept)
     }
 }
 

@@ -155,9 +155,8 @@ pub fn run(request: &Request, monitor: &dyn Monitor) -> Result<Report> {
                 Some(known) => Measurement { scene: subject.name.clone(), ..known },
                 None => {
                     let made = measure::measure(&subject, &key, folder, monitor)?;
-                    journal.append(&made)?;
                     measured += 1;
-                    made
+                    journal.append(&made)?
                 }
             });
             monitor.check()?;
