@@ -26,7 +26,7 @@ fn digests() -> Digests {
 
 /// Appends the blocks of a small file that the writer does not have yet: several widths, an empty one, an encoded one,
 /// ragged lengths, two that are swappable (same tag and length), one longer than what the writer gathers.
-fn fill<S: Storage>(writer: &mut Writer<S>, long: usize) -> Result<()> {
+fn fill(writer: &mut Writer, long: usize) -> Result<()> {
     let rows: Vec<u64> = (0..101).map(|row| row * row).collect();
     let weights: Vec<f32> = (0..1000).map(|index| 1.0 / (1.0 + index as f32)).collect();
     let halves: Vec<u16> = (0..37).collect();
@@ -59,7 +59,7 @@ fn aligned(bytes: &[u8]) -> AlignedVec<64> {
 fn whole(digests: Digests, long: usize) -> Vec<u8> {
     let memory = faults::Memory::default();
     let path = Path::new("links.glow");
-    let mut writer = Writer::create_in(memory.clone(), path, KIND, digests).unwrap();
+    let mut writer = Writer::create_in(Arc::new(memory.clone()), path, KIND, digests).unwrap();
     fill(&mut writer, long).unwrap();
     writer.finish(&[("program", "test")]).unwrap();
     memory.bytes(path).unwrap()

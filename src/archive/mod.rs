@@ -20,14 +20,16 @@
 //! ```
 //!
 //! [`Archive`] reads, [`Writer`] writes and resumes, [`verify()`] recomputes every checksum, [`Storage`] is the seam
-//! under the writer through which tests make disks fail.
+//! under the writer through which tests make disks fail. A [`Ledger`] is an archive under way: what a run has done so far.
 
 #[cfg(not(target_endian = "little"))]
 compile_error!("archives are little-endian arrays read in place: big-endian hosts are not supported");
 
 mod digest;
 mod layout;
+mod ledger;
 mod map;
+mod parcel;
 mod reader;
 mod storage;
 mod verify;
@@ -35,7 +37,9 @@ mod writer;
 
 pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
+pub use ledger::{Ledger, Pause, Tally};
 pub use map::{Access, Map};
+pub use parcel::{Keep, One, Parcel};
 pub use reader::{Archive, Block};
 pub use storage::{Disk, Storage, StoredFile};
 pub use verify::{Damage, VerifyReport, verify};

@@ -1,24 +1,23 @@
-//! The seam between the writer and the disk. Production uses [`Disk`]; tests put storages behind it that fail,
-//! fill up or lose power.
+//! The seam between a job and the disk: all that changes files goes through it. Production uses [`Disk`]; tests put
+//! storages behind it that fail, fill up, kill the process or lose power.
 
+use std::fmt::Debug;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, Write};
 use std::path::Path;
 
 /// Where files are created, renamed and made durable.
-pub trait Storage {
-    /// An open file.
-    type File: StoredFile;
+pub trait Storage: Debug + Send + Sync {
     /// Creates a file for reading and writing, empty if it existed.
     ///
     /// # Errors
     /// What the system says.
-    fn create(&self, path: &Path) -> io::Result<Self::File>;
+    fn create(&self, path: &Path) -> io::Result<Box<dyn StoredFile>>;
     /// Opens an existing file for reading and writing.
     ///
     /// # Errors
     /// What the system says; `NotFound` when there is none.
-    fn open(&self, path: &Path) -> io::Result<Self::File>;
+    fn open(&self, path: &Path) -> io::Result<Box<dyn StoredFile>>;
     /// Renames a file, replacing the target atomically.
     ///
     /// # Errors
@@ -29,6 +28,21 @@ pub trait Storage {
     /// # Errors
     /// What the system says.
     fn remove(&self, path: &Path) -> io::Result<()>;
+    /// Makes a directory and those above it that are missing.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn create_directory(&self, path: &Path) -> io::Result<()>;
+    /// Removes a directory with all that is in it.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn remove_directory(&self, path: &Path) -> io::Result<()>;
+    /// Makes two existing files or directories change names, atomically where the system can.
+    ///
+    /// # Errors
+    /// What the system says.
+    fn exchange(&self, one: &Path, other: &Path) -> io::Result<()>;
     /// Makes the names in a directory durable.
     ///
     /// # Errors
@@ -37,7 +51,7 @@ pub trait Storage {
 }
 
 /// An open file of a [`Storage`].
-pub trait StoredFile: Read + Write + Seek {
+pub trait StoredFile: Debug + Send + Read + Write + Seek {
     /// Makes the contents durable.
     ///
     /// # Errors
@@ -60,14 +74,12 @@ pub trait StoredFile: Read + Write + Seek {
 pub struct Disk;
 
 impl Storage for Disk {
-    type File = File;
-
-    fn create(&self, path: &Path) -> io::Result<File> {
-        OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path)
+    fn create(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
+        Ok(Box::new(OpenOptions::new().read(true).write(true).create(true).truncate(true).open(path)?))
     }
 
-    fn open(&self, path: &Path) -> io::Result<File> {
-        OpenOptions::new().read(true).write(true).open(path)
+    fn open(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
+        Ok(Box::new(OpenOptions::new().read(true).write(true).open(path)?))
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
@@ -76,6 +88,32 @@ impl Storage for Disk {
 
     fn remove(&self, path: &Path) -> io::Result<()> {
         std::fs::remove_file(path)
+    }
+
+    fn create_directory(&self, path: &Path) -> io::Result<()> {
+        std::fs::create_dir_all(path)
+    }
+
+    fn remove_directory(&self, path: &Path) -> io::Result<()> {
+        std::fs::remove_dir_all(path)
+    }
+
+    fn exchange(&self, one: &Path, other: &Path) -> io::Result<()> {
+        #[cfg(target_os = "linux")]
+        {
+            use rustix::fs::{CWD, RenameFlags, renameat_with};
+            use rustix::io::Errno;
+            match renameat_with(CWD, one, CWD, other, RenameFlags::EXCHANGE) {
+                // File systems that cannot do it, such as some mounted over a network.
+                Err(Errno::INVAL | Errno::NOSYS | Errno::OPNOTSUPP) => {}
+                outcome => return outcome.map_err(io::Error::from),
+            }
+        }
+        let mut aside = one.as_os_str().to_owned();
+        aside.push(".old");
+        std::fs::rename(one, &aside)?;
+        std::fs::rename(other, one)?;
+        std::fs::rename(aside, other)
     }
 
     fn sync_directory(&self, directory: &Path) -> io::Result<()> {

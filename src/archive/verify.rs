@@ -70,7 +70,7 @@ pub(super) struct Scan {
 }
 
 /// Walks block headers forward until the first that fails any check.
-pub(super) fn scan(file: &mut (impl Read + Seek)) -> io::Result<Scan> {
+pub(super) fn scan(file: &mut (impl Read + Seek + ?Sized)) -> io::Result<Scan> {
     let file_bytes = file.seek(SeekFrom::End(0))?;
     file.seek(SeekFrom::Start(0))?;
     let mut scan = Scan { superblock: None, entries: Vec::new(), end: 0, file_bytes };
@@ -93,7 +93,7 @@ pub(super) fn scan(file: &mut (impl Read + Seek)) -> io::Result<Scan> {
     Ok(scan)
 }
 
-fn next_entry(file: &mut impl Read, scan: &Scan, salt: u32) -> io::Result<Option<Entry>> {
+fn next_entry(file: &mut (impl Read + ?Sized), scan: &Scan, salt: u32) -> io::Result<Option<Entry>> {
     let mut header = [0; HEADER_BYTES];
     if !fill(file, &mut header)? {
         return Ok(None);
@@ -104,7 +104,7 @@ fn next_entry(file: &mut impl Read, scan: &Scan, salt: u32) -> io::Result<Option
 }
 
 /// Reads a payload and its padding; leaves the file at the next header when they are whole.
-fn payload_is_whole(file: &mut impl Read, entry: &Entry, piece: &mut [u8]) -> io::Result<bool> {
+fn payload_is_whole(file: &mut (impl Read + ?Sized), entry: &Entry, piece: &mut [u8]) -> io::Result<bool> {
     let mut hash = Xxh3::new();
     let mut left = entry.stored_bytes;
     while left > 0 {
@@ -121,7 +121,7 @@ fn payload_is_whole(file: &mut impl Read, entry: &Entry, piece: &mut [u8]) -> io
 }
 
 /// Fills a buffer; false at the end of the file.
-fn fill(file: &mut impl Read, buffer: &mut [u8]) -> io::Result<bool> {
+fn fill(file: &mut (impl Read + ?Sized), buffer: &mut [u8]) -> io::Result<bool> {
     match file.read_exact(buffer) {
         Ok(()) => Ok(true),
         Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(false),

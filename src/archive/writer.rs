@@ -4,6 +4,7 @@
 use std::io::{self, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use bytemuck::Pod;
 use xxhash_rust::xxh3::xxh3_64;
@@ -23,9 +24,9 @@ const GATHERED_BYTES: usize = 1 << 16;
 
 /// Writes an archive; see the module's example. Dropping it unfinished leaves the temporary file for [`Writer::resume`].
 #[derive(Debug)]
-pub struct Writer<S: Storage = Disk> {
-    storage: S,
-    file: S::File,
+pub struct Writer {
+    storage: Arc<dyn Storage>,
+    file: Box<dyn StoredFile>,
     path: PathBuf,
     partial: PathBuf,
     salt: u32,
@@ -96,7 +97,7 @@ impl Writer {
     /// # Errors
     /// [`Error::Io`], [`Error::DiskFull`].
     pub fn create(path: impl AsRef<Path>, kind: Tag, digests: Digests) -> Result<Self> {
-        Self::create_in(Disk, path.as_ref(), kind, digests)
+        Self::create_in(Arc::new(Disk), path.as_ref(), kind, digests)
     }
 
     /// Continues the unfinished archive that would be called `path`, keeping the leading blocks whose checksums hold
@@ -105,16 +106,14 @@ impl Writer {
     /// # Errors
     /// [`Error::JobDiffers`] when the unfinished file was made from something else; [`Error::Io`], [`Error::DiskFull`].
     pub fn resume(path: impl AsRef<Path>, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
-        Self::resume_in(Disk, path.as_ref(), kind, digests)
+        Self::resume_in(Arc::new(Disk), path.as_ref(), kind, digests)
     }
-}
 
-impl<S: Storage> Writer<S> {
     /// [`Writer::create`] on another storage.
     ///
     /// # Errors
     /// As [`Writer::create`].
-    pub fn create_in(storage: S, path: &Path, kind: Tag, digests: Digests) -> Result<Self> {
+    pub fn create_in(storage: Arc<dyn Storage>, path: &Path, kind: Tag, digests: Digests) -> Result<Self> {
         let partial = partial_path(path);
         let file = storage
             .create(&partial)
@@ -126,7 +125,7 @@ impl<S: Storage> Writer<S> {
     ///
     /// # Errors
     /// As [`Writer::resume`].
-    pub fn resume_in(storage: S, path: &Path, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
+    pub fn resume_in(storage: Arc<dyn Storage>, path: &Path, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
         let partial = partial_path(path);
         let mut file = match storage.open(&partial) {
             Ok(file) => file,
@@ -136,7 +135,7 @@ impl<S: Storage> Writer<S> {
             Err(source) => return Err(refused(&partial, "opening", source, 0)),
         };
         let superblock = Superblock::new(kind, digests);
-        let found = scan(&mut file).map_err(|source| refused(&partial, "reading", source, 0))?;
+        let found = scan(&mut *file).map_err(|source| refused(&partial, "reading", source, 0))?;
         let Some(present) = found.superblock else {
             let writer = Self::begin(storage, file, path, &superblock)?;
             return Ok((writer, Resumed { blocks: 0, dropped_bytes: found.file_bytes }));
@@ -155,7 +154,7 @@ impl<S: Storage> Writer<S> {
         Ok((writer, resumed))
     }
 
-    fn unwritten(storage: S, file: S::File, path: &Path, salt: u32) -> Self {
+    fn unwritten(storage: Arc<dyn Storage>, file: Box<dyn StoredFile>, path: &Path, salt: u32) -> Self {
         let partial = partial_path(path);
         let (entries, state) = (Vec::new(), State::Sound);
         Self {
@@ -172,11 +171,16 @@ impl<S: Storage> Writer<S> {
         }
     }
 
-    fn begin(storage: S, file: S::File, path: &Path, superblock: &Superblock) -> Result<Self> {
+    fn begin(storage: Arc<dyn Storage>, file: Box<dyn StoredFile>, path: &Path, superblock: &Superblock) -> Result<Self> {
         let mut writer = Self::unwritten(storage, file, path, superblock.crc);
         writer.state = State::Torn;
         writer.write(&[&superblock.page()])?;
         Ok(writer)
+    }
+
+    /// The temporary file.
+    pub fn partial(&self) -> &Path {
+        &self.partial
     }
 
     /// The blocks written so far, resumed ones included.
@@ -294,6 +298,28 @@ impl<S: Storage> Writer<S> {
         Ok(Finished { path: self.path, bytes: trailer.file_bytes, blocks, content })
     }
 
+    /// Reads a block of the unfinished file back, once its checksum holds: what a resumed run found, or this one wrote.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] when the payload is not what was written; [`Error::Io`].
+    pub fn read_back(&mut self, number: usize) -> Result<Vec<u8>> {
+        let entry = self.entries[number];
+        let start = entry.payload().unwrap_or(0);
+        let mut payload = vec![0; entry.stored_bytes as usize];
+        self.file
+            .seek(SeekFrom::Start(start))
+            .and_then(|_| self.file.read_exact(&mut payload))
+            .and_then(|()| self.file.seek(SeekFrom::Start(self.end)))
+            .map_err(|source| Error::io(&self.partial, "reading a block back", source))?;
+        let hash = xxh3_64(&payload);
+        if hash != entry.hash {
+            let problem = format!("expected checksum {:016x}, got {hash:016x}", entry.hash);
+            let place = format!("block {number} {}", entry.tag);
+            return Err(Error::Damaged { file: self.partial.clone(), place, problem });
+        }
+        Ok(payload)
+    }
+
     /// Removes the temporary file.
     ///
     /// # Errors
@@ -318,9 +344,9 @@ impl<S: Storage> Writer<S> {
         self.state = State::Torn;
         let mut written = 0;
         let outcome = if total <= GATHERED_BYTES {
-            write_counted(&mut self.file, &pieces.concat(), &mut written)
+            write_counted(&mut *self.file, &pieces.concat(), &mut written)
         } else {
-            pieces.iter().try_for_each(|piece| write_counted(&mut self.file, piece, &mut written))
+            pieces.iter().try_for_each(|piece| write_counted(&mut *self.file, piece, &mut written))
         };
         outcome.map_err(|source| self.failed("writing", source, (total - written) as u64))?;
         self.state = State::Sound;
@@ -370,7 +396,7 @@ fn refused(file: &Path, action: &str, source: io::Error, needed_bytes: u64) -> E
 }
 
 /// `write_all` that also says how far it came.
-fn write_counted(file: &mut impl Write, mut bytes: &[u8], written: &mut usize) -> io::Result<()> {
+fn write_counted(file: &mut (impl Write + ?Sized), mut bytes: &[u8], written: &mut usize) -> io::Result<()> {
     while !bytes.is_empty() {
         match file.write(bytes) {
             Ok(0) => return Err(io::ErrorKind::WriteZero.into()),

@@ -124,7 +124,7 @@ fn a_repair_copies_what_is_whole() {
     bytes[damaged.start + 100] ^= 4;
     let archive = Archive::from_bytes(&bytes, "damaged").unwrap();
     let memory = super::faults::Memory::default();
-    let mut writer = Writer::create_in(memory.clone(), Path::new("links.glow"), KIND, digests()).unwrap();
+    let mut writer = Writer::create_in(Arc::new(memory.clone()), Path::new("links.glow"), KIND, digests()).unwrap();
     let weights: Vec<f32> = (500..1000).map(|index| 1.0 / (1.0 + index as f32)).collect();
     for block in archive.all_blocks() {
         if block.recheck().is_err() {
@@ -285,7 +285,7 @@ proptest! {
         bytes.truncate(4096 + cut.index(length - 4096));
         let (memory, path) = (super::faults::Memory::default(), Path::new("links.glow"));
         memory.put(&partial_path(path), &bytes);
-        let (mut writer, _) = Writer::resume_in(memory.clone(), path, KIND, digests()).unwrap();
+        let (mut writer, _) = Writer::resume_in(Arc::new(memory.clone()), path, KIND, digests()).unwrap();
         fill(&mut writer, 10).unwrap();
         writer.finish(&[("program", "test")]).unwrap();
         prop_assert!(memory.bytes(path).unwrap() == whole(digests(), 10));

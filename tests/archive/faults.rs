@@ -4,11 +4,10 @@
 //! each or not, and renames survive up to some point. A failed sync throws the unsynced data away while still showing
 //! it, as Linux does.
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::rc::Rc;
+use std::sync::{Arc, Mutex};
 
 use glowtree::archive::{Storage, StoredFile};
 
@@ -24,7 +23,7 @@ pub enum Fault {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Memory(Rc<RefCell<State>>);
+pub struct Memory(Arc<Mutex<State>>);
 
 #[derive(Clone, Debug, Default)]
 struct State {
@@ -143,28 +142,28 @@ impl Memory {
     /// A storage that fails at operation `at` (from 1).
     pub fn with_fault(at: u64, fault: Fault) -> Self {
         let memory = Self::default();
-        memory.0.borrow_mut().fault = Some((at, fault));
+        memory.0.lock().unwrap().fault = Some((at, fault));
         memory
     }
 
     /// A storage whose syncs do nothing.
     pub fn lying() -> Self {
         let memory = Self::default();
-        memory.0.borrow_mut().lying = true;
+        memory.0.lock().unwrap().lying = true;
         memory
     }
 
     pub fn operations(&self) -> u64 {
-        self.0.borrow().operations
+        self.0.lock().unwrap().operations
     }
 
     pub fn bytes(&self, path: &Path) -> Option<Vec<u8>> {
-        let state = self.0.borrow();
+        let state = self.0.lock().unwrap();
         state.names.get(path).map(|&file| state.files[file].now.clone())
     }
 
     pub fn put(&self, path: &Path, bytes: &[u8]) {
-        let mut state = self.0.borrow_mut();
+        let mut state = self.0.lock().unwrap();
         let file = state.files.len();
         state.files.push(Contents { now: bytes.to_vec(), durable: bytes.to_vec(), pending: vec![] });
         state.names.insert(path.into(), file);
@@ -173,13 +172,13 @@ impl Memory {
 
     /// The system goes on, without faults: what the next process finds.
     pub fn next_process(&self) {
-        let mut state = self.0.borrow_mut();
+        let mut state = self.0.lock().unwrap();
         (state.fault, state.dead) = (None, false);
     }
 
     /// The machine as it is after a power loss now; this storage stays as it is.
     pub fn after_power_loss(&self, sector: usize, mut random: impl FnMut() -> u64) -> Self {
-        let mut state = self.0.borrow().clone();
+        let mut state = self.0.lock().unwrap().clone();
         let kept_names = random() as usize % (state.pending_names.len() + 1);
         for change in state.pending_names.drain(..).take(kept_names) {
             change.apply(&mut state.durable_names);
@@ -193,47 +192,57 @@ impl Memory {
             }
             contents.now.clone_from(&contents.durable);
         }
-        let machine = Self(Rc::new(RefCell::new(state)));
+        let machine = Self(Arc::new(Mutex::new(state)));
         machine.next_process();
         machine
     }
 }
 
 impl Storage for Memory {
-    type File = Handle;
-
-    fn create(&self, path: &Path) -> io::Result<Handle> {
-        let mut state = self.0.borrow_mut();
+    fn create(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
+        let mut state = self.0.lock().unwrap();
         state.step()?;
         let file = state.files.len();
         state.files.push(Contents::default());
         state.rename(NameChange::Create(path.into(), file));
-        Ok(Handle { memory: self.clone(), file, at: 0 })
+        Ok(Box::new(Handle { memory: self.clone(), file, at: 0 }))
     }
 
-    fn open(&self, path: &Path) -> io::Result<Handle> {
-        let mut state = self.0.borrow_mut();
+    fn open(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
+        let mut state = self.0.lock().unwrap();
         state.step()?;
         let file = *state.names.get(path).ok_or(io::ErrorKind::NotFound)?;
-        Ok(Handle { memory: self.clone(), file, at: 0 })
+        Ok(Box::new(Handle { memory: self.clone(), file, at: 0 }))
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let mut state = self.0.borrow_mut();
+        let mut state = self.0.lock().unwrap();
         state.step()?;
         state.rename(NameChange::Rename(from.into(), to.into()));
         Ok(())
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        let mut state = self.0.borrow_mut();
+        let mut state = self.0.lock().unwrap();
         state.step()?;
         state.rename(NameChange::Remove(path.into()));
         Ok(())
     }
 
+    fn create_directory(&self, _path: &Path) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn remove_directory(&self, _path: &Path) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
+    fn exchange(&self, _one: &Path, _other: &Path) -> io::Result<()> {
+        Err(io::ErrorKind::Unsupported.into())
+    }
+
     fn sync_directory(&self, _directory: &Path) -> io::Result<()> {
-        let mut state = self.0.borrow_mut();
+        let mut state = self.0.lock().unwrap();
         state.step()?;
         if !state.lying {
             state.durable_names = state.names.clone();
@@ -253,7 +262,7 @@ pub struct Handle {
 
 impl Read for Handle {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let mut state = self.memory.0.borrow_mut();
+        let mut state = self.memory.0.lock().unwrap();
         let fault = state.step()?;
         if fault == Some(Fault::Interrupted) {
             return Err(io::ErrorKind::Interrupted.into());
@@ -272,7 +281,7 @@ impl Read for Handle {
 
 impl Write for Handle {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let mut state = self.memory.0.borrow_mut();
+        let mut state = self.memory.0.lock().unwrap();
         let fault = state.step()?;
         let count = match fault {
             Some(Fault::Interrupted) => return Err(io::ErrorKind::Interrupted.into()),
@@ -293,7 +302,7 @@ impl Seek for Handle {
     fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
         self.at = match position {
             SeekFrom::Start(at) => at as usize,
-            SeekFrom::End(0) => self.memory.0.borrow().files[self.file].now.len(),
+            SeekFrom::End(0) => self.memory.0.lock().unwrap().files[self.file].now.len(),
             other => panic!("the writer does not seek to {other:?}"),
         };
         Ok(self.at as u64)
@@ -302,7 +311,7 @@ impl Seek for Handle {
 
 impl StoredFile for Handle {
     fn sync(&mut self) -> io::Result<()> {
-        let mut state = self.memory.0.borrow_mut();
+        let mut state = self.memory.0.lock().unwrap();
         let (dead, lying) = (state.dead, state.lying);
         let outcome = state.step();
         let contents = &mut state.files[self.file];
@@ -319,13 +328,13 @@ impl StoredFile for Handle {
     }
 
     fn truncate(&mut self, bytes: u64) -> io::Result<()> {
-        let mut state = self.memory.0.borrow_mut();
+        let mut state = self.memory.0.lock().unwrap();
         state.step()?;
         state.change(self.file, Change::Length(bytes as usize));
         Ok(())
     }
 
     fn reserve(&mut self, _end: u64) -> io::Result<()> {
-        self.memory.0.borrow_mut().step().map(|_| ())
+        self.memory.0.lock().unwrap().step().map(|_| ())
     }
 }

@@ -20,7 +20,7 @@ fn run(memory: &Memory) -> Result<()> {
     if memory.bytes(path).is_some() {
         return Ok(());
     }
-    let (mut writer, _) = Writer::resume_in(memory.clone(), path, KIND, digests())?;
+    let (mut writer, _) = Writer::resume_in(Arc::new(memory.clone()), path, KIND, digests())?;
     writer.reserve(100_000)?;
     fill(&mut writer, LONG)?;
     writer.finish(&[("program", "test")]).map(|_| ())
@@ -51,7 +51,7 @@ fn a_cut_file_is_resumed_from_its_whole_blocks() {
         let memory = Memory::default();
         memory.put(&partial_path(PATH), &expected[..length]);
         let (mut writer, resumed) =
-            Writer::resume_in(memory.clone(), Path::new(PATH), KIND, digests()).unwrap();
+            Writer::resume_in(Arc::new(memory.clone()), Path::new(PATH), KIND, digests()).unwrap();
         assert_eq!(resumed.blocks, writer.entries().len());
         let superblock = if length < 4096 { writer.bytes() } else { 0 }; // written anew when it was torn
         assert_eq!(writer.bytes() - superblock + resumed.dropped_bytes, length as u64);
@@ -66,7 +66,7 @@ fn an_unfinished_file_of_another_job_is_refused() {
     let memory = Memory::default();
     memory.put(&partial_path(PATH), &whole(digests(), 100));
     let other = Digests { inputs: Digest::of_bytes(b"other"), ..digests() };
-    let stale = Writer::resume_in(memory.clone(), Path::new(PATH), KIND, other).unwrap_err();
+    let stale = Writer::resume_in(Arc::new(memory.clone()), Path::new(PATH), KIND, other).unwrap_err();
     assert!(
         matches!(&stale, Error::JobDiffers { difference, .. } if difference.contains("digest of inputs")
             && !difference.contains("options")),
