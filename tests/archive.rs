@@ -10,9 +10,10 @@ mod faults;
 mod interruption;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glowtree::Result;
-use glowtree::archive::{Archive, Digest, Digests, Encoded, Storage, Tag, Writer, partial_path, verify};
+use glowtree::archive::{Archive, Digest, Digests, Encoded, Tag, Writer, partial_path, verify};
 use rkyv::util::AlignedVec;
 
 const KIND: Tag = Tag::new("links");

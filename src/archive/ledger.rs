@@ -7,6 +7,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -31,18 +32,27 @@ struct Book {
     writer: Writer,
     /// The block that is asked for next.
     next: usize,
-    /// Blocks that an earlier run made.
-    found: usize,
+    counts: Arc<Counts>,
     synced: Instant,
 }
 
-/// How many blocks a ledger gave.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Read from the file: an earlier run made them.
-    pub resumed: u64,
-    /// Made by this run.
-    pub computed: u64,
+/// How many blocks the ledgers of a run gave.
+#[derive(Debug, Default)]
+pub struct Counts {
+    resumed: AtomicU64,
+    computed: AtomicU64,
+}
+
+impl Counts {
+    /// Blocks read: an earlier run made them.
+    pub fn resumed(&self) -> u64 {
+        self.resumed.load(Ordering::Relaxed)
+    }
+
+    /// Blocks made by this run.
+    pub fn computed(&self) -> u64 {
+        self.computed.load(Ordering::Relaxed)
+    }
 }
 
 impl<'a> Ledger<'a> {
@@ -59,7 +69,7 @@ impl<'a> Ledger<'a> {
         storage: &Arc<dyn Storage>,
         path: &Path,
         digests: Digests,
-        pause: Pause<'a>,
+        (pause, counts): (Pause<'a>, &Arc<Counts>),
     ) -> Result<(Self, Resumed)> {
         let kind = Tag::new("ledger");
         let (writer, resumed) = match Writer::resume_in(Arc::clone(storage), path, kind, digests) {
@@ -69,7 +79,7 @@ impl<'a> Ledger<'a> {
             }
             outcome => outcome?,
         };
-        let book = Book { writer, next: 0, found: resumed.blocks, synced: Instant::now() };
+        let book = Book { writer, next: 0, counts: Arc::clone(counts), synced: Instant::now() };
         Ok((Self { book: Some(Mutex::new(book)), pause }, resumed))
     }
 
@@ -78,14 +88,16 @@ impl<'a> Ledger<'a> {
     /// # Errors
     /// What `make` and the pause say; [`Error::Damaged`] when the file holds another block in its place; [`Error::Io`],
     /// [`Error::DiskFull`].
-    pub fn keep<K: Keep>(
-        &self,
-        tag: Tag,
-        range: Range<u64>,
-        make: impl FnOnce() -> Result<K>,
-    ) -> Result<K> {
-        (self.pause)()?;
-        let Some(book) = &self.book else { return make() };
+    pub fn keep<K: Keep>(&self, tag: Tag, range: Range<u64>, make: impl FnOnce() -> Result<K>) -> Result<K> {
+        let Some(book) = &self.book else {
+            (self.pause)()?;
+            return make();
+        };
+        if let Err(stop) = (self.pause)() {
+            // Who stops here leaves all of it behind; if that fails, the blocks are on their way to the disk all the same.
+            let _ = lock(book).writer.checkpoint();
+            return Err(stop);
+        }
         if let Some(parcel) = lock(book).found(tag, &range)? {
             return parcel.open(&tag.to_string());
         }
@@ -95,7 +107,7 @@ impl<'a> Ledger<'a> {
         Ok(made)
     }
 
-    /// Blocks of at most `most` of `count` entries, in order.
+    /// Blocks of at most `most` of `count` entries, each handed to `take` in order.
     ///
     /// # Errors
     /// As [`Ledger::keep`].
@@ -104,14 +116,13 @@ impl<'a> Ledger<'a> {
         tag: Tag,
         (count, most): (usize, usize),
         mut make: impl FnMut(Range<usize>) -> Result<K>,
-    ) -> Result<Vec<K>> {
-        (0..count)
-            .step_by(most.max(1))
-            .map(|first| {
-                let range = first..count.min(first + most.max(1));
-                self.keep(tag, range.start as u64..range.end as u64, || make(range))
-            })
-            .collect()
+        mut take: impl FnMut(K),
+    ) -> Result<()> {
+        for first in (0..count).step_by(most.max(1)) {
+            let range = first..count.min(first + most.max(1));
+            take(self.keep(tag, range.start as u64..range.end as u64, || make(range))?);
+        }
+        Ok(())
     }
 
     /// Errors when the run is to end.
@@ -120,36 +131,6 @@ impl<'a> Ledger<'a> {
     /// What the pause says.
     pub fn pause(&self) -> Result<()> {
         (self.pause)()
-    }
-
-    /// How many blocks were read and how many made.
-    pub fn tally(&self) -> Tally {
-        let Some(book) = &self.book else { return Tally::default() };
-        let book = lock(book);
-        let resumed = book.next.min(book.found);
-        Tally { resumed: resumed as u64, computed: (book.next - resumed) as u64 }
-    }
-
-    /// Bytes that the file takes.
-    pub fn bytes(&self) -> u64 {
-        self.book.as_ref().map_or(0, |book| lock(book).writer.bytes())
-    }
-
-    /// Makes all blocks durable.
-    ///
-    /// # Errors
-    /// [`Error::DiskFull`], [`Error::Io`].
-    pub fn sync(&self) -> Result<()> {
-        self.book.as_ref().map_or(Ok(()), |book| lock(book).writer.checkpoint())
-    }
-
-    /// Removes the file: what it led to is kept elsewhere.
-    ///
-    /// # Errors
-    /// [`Error::Io`].
-    pub fn remove(self) -> Result<()> {
-        let Some(book) = self.book else { return Ok(()) };
-        book.into_inner().unwrap_or_else(PoisonError::into_inner).writer.abandon()
     }
 }
 
@@ -169,12 +150,14 @@ impl Book {
         }
         let parcel = Parcel::from_bytes(self.writer.read_back(self.next)?, self.file());
         self.next += 1;
+        self.counts.resumed.fetch_add(1, Ordering::Relaxed);
         Ok(Some(parcel))
     }
 
     fn append(&mut self, tag: Tag, range: Range<u64>, parcel: &Parcel) -> Result<()> {
         self.writer.append(tag, range, parcel.bytes())?;
         self.next += 1;
+        self.counts.computed.fetch_add(1, Ordering::Relaxed);
         if self.synced.elapsed() >= SYNC_INTERVAL {
             self.writer.checkpoint()?;
             self.synced = Instant::now();

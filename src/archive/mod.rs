@@ -37,7 +37,7 @@ mod writer;
 
 pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
-pub use ledger::{Ledger, Pause, Tally};
+pub use ledger::{Counts, Ledger, Pause};
 pub use map::{Access, Map};
 pub use parcel::{Keep, One, Parcel};
 pub use reader::{Archive, Block};

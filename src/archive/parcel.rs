@@ -152,11 +152,15 @@ mod tests {
 
     #[test]
     fn what_is_put_comes_out_equal() {
-        let value = (vec![1.5_f32, f32::NAN], vec![7_u8; 3], One(0x1234_5678_9abc_def0_u64), Vec::<u16>::new());
+        let value =
+            (vec![1.5_f32, f32::NAN], vec![7_u8; 3], One(0x1234_5678_9abc_def0_u64), Vec::<u16>::new());
         let parcel = Parcel::of(&value);
         let (floats, bytes, one, none): (Vec<f32>, Vec<u8>, One<u64>, Vec<u16>) =
             Parcel::from_bytes(parcel.bytes().to_vec(), "x".into()).open("block 0").unwrap();
-        assert_eq!(floats.iter().map(|f| f.to_bits()).collect::<Vec<_>>(), [1.5_f32, f32::NAN].map(f32::to_bits));
+        assert_eq!(
+            floats.iter().map(|f| f.to_bits()).collect::<Vec<_>>(),
+            [1.5_f32, f32::NAN].map(f32::to_bits)
+        );
         assert_eq!((bytes, one, none.len()), (value.1, value.2, 0));
     }
 

@@ -125,7 +125,12 @@ impl Writer {
     ///
     /// # Errors
     /// As [`Writer::resume`].
-    pub fn resume_in(storage: Arc<dyn Storage>, path: &Path, kind: Tag, digests: Digests) -> Result<(Self, Resumed)> {
+    pub fn resume_in(
+        storage: Arc<dyn Storage>,
+        path: &Path,
+        kind: Tag,
+        digests: Digests,
+    ) -> Result<(Self, Resumed)> {
         let partial = partial_path(path);
         let mut file = match storage.open(&partial) {
             Ok(file) => file,
@@ -171,7 +176,12 @@ impl Writer {
         }
     }
 
-    fn begin(storage: Arc<dyn Storage>, file: Box<dyn StoredFile>, path: &Path, superblock: &Superblock) -> Result<Self> {
+    fn begin(
+        storage: Arc<dyn Storage>,
+        file: Box<dyn StoredFile>,
+        path: &Path,
+        superblock: &Superblock,
+    ) -> Result<Self> {
         let mut writer = Self::unwritten(storage, file, path, superblock.crc);
         writer.state = State::Torn;
         writer.write(&[&superblock.page()])?;

@@ -11,7 +11,7 @@ pub mod store;
 pub mod validate;
 pub mod work;
 
-pub use job::{Job, open, run};
+pub use job::{Job, open, run, run_in};
 pub use options::Options;
 pub use report::progress::{Monitor, Signal, Silent, Stage};
 pub use report::summary::{StageTime, Summary};

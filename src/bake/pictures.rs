@@ -1,13 +1,18 @@
 //! What a bake leaves for the eye: `mesh.ply` and `preview.png`.
 
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
+use crate::archive::{Ledger, Tag};
 use crate::bake::model::Model;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::geometry::SurfacePoint;
+use crate::light::Rgb;
 use crate::output::picture::{Quality, frame, png, render};
 use crate::output::ply;
+use crate::solve::{Field, Irradiance};
 
 /// The lit mesh within the job.
 pub const MESH_FILE: &str = "mesh.ply";
@@ -30,27 +35,25 @@ const PREVIEW_DOUBT: f32 = 0.1;
 /// Rays of such points: about 0.8 % of noise.
 const PREVIEW_RAYS: u32 = 160;
 
-/// Opens a finished job and writes both files.
-///
-/// # Errors
-/// As [`super::open`] and [`write()`].
-pub fn of_job(job: &Path, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
-    let opened = super::open(job)?;
-    write(job, opened.model(), monitor)
-}
-
 /// Writes both files into the job directory and says what they took.
 ///
 /// # Errors
-/// Input/output errors, and [`crate::Error::Interrupted`].
-pub fn write(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<Vec<StageTime>> {
+/// Input/output errors, and the ledger's.
+pub fn write(
+    job: &Path,
+    model: &Model,
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+) -> Result<Vec<StageTime>> {
     let (scene, bvh) = (&model.scene, &model.bvh);
     let field = model.field();
     let mut quick = field;
     quick.params.doubt = field.params.doubt.max(PREVIEW_DOUBT);
     (quick.params.rays, quick.params.most_rays, quick.params.noise) = (PREVIEW_RAYS, PREVIEW_RAYS, 0.0);
     let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
-    ply::export(&job.join(MESH_FILE), scene, &|points: &[_]| field.evaluate(points), &|vertices| {
+    let kept = Kept { ledger, failed: Mutex::new(None) };
+    let evaluate = |points: &[SurfacePoint]| kept.evaluate(&field, points);
+    ply::export(&job.join(MESH_FILE), scene, &evaluate, &|vertices| {
+        kept.failure()?;
         stage.advance(vertices)
     })?;
     let mesh = stage.finish();
@@ -64,4 +67,41 @@ pub fn write(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<Vec<Sta
     let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
     Ok(vec![mesh, stage.finish()])
+}
+
+/// Answers that are kept; a failure is told at the next opportunity, and what is written until then is thrown away.
+struct Kept<'a> {
+    ledger: &'a Ledger<'a>,
+    failed: Mutex<Option<Error>>,
+}
+
+/// Direct, indirect, visibility of the sky, error.
+type Words = [f32; 8];
+
+impl Kept<'_> {
+    fn evaluate(&self, field: &Field<'_>, points: &[SurfacePoint]) -> Vec<Irradiance> {
+        let words = self.ledger.keep(Tag::new("answers"), 0..points.len() as u64, || {
+            Ok(field.evaluate(points).iter().map(to_words).collect::<Vec<Words>>())
+        });
+        match words {
+            Ok(words) => words.iter().map(from_words).collect(),
+            Err(error) => {
+                *self.failed.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                vec![from_words(&[0.0; 8]); points.len()]
+            }
+        }
+    }
+
+    fn failure(&self) -> Result<()> {
+        self.failed.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+    }
+}
+
+fn to_words(light: &Irradiance) -> Words {
+    let ([a, b, c], [d, e, f]) = (light.direct.to_array(), light.indirect.to_array());
+    [a, b, c, d, e, f, light.sky_visibility, light.error]
+}
+
+fn from_words(&[a, b, c, d, e, f, sky_visibility, error]: &Words) -> Irradiance {
+    Irradiance { direct: Rgb::new(a, b, c), indirect: Rgb::new(d, e, f), sky_visibility, error }
 }

@@ -9,13 +9,16 @@ use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use super::work::grading::Shine;
 use super::work::{self, Grounds, Layout, Work};
+use crate::archive::{Ledger, One, Pause, Tag};
 use crate::basis::Basis;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
+use crate::light::Rgb;
 use crate::links::lamps;
 use crate::links::lamps::shadow::Shadows;
 use crate::links::points::{Dense, MOST_SITES, Operator};
-use crate::links::receivers::{LEAST_SHARE, Placement, Receivers, Sources, Spread};
+use crate::links::receivers::{LEAST_SHARE, Placement, Receivers, Sources};
+use crate::links::spread::Spread;
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
@@ -53,7 +56,7 @@ pub struct Target {
 }
 
 /// Rounds of refinement at the most.
-const ROUNDS: usize = 3;
+const ROUNDS: u32 = 3;
 
 /// The first plan aims this much below the target.
 const AIM: f64 = 0.9;
@@ -64,20 +67,105 @@ const LENIENCE: f64 = 1.15;
 /// A plan that missed is followed by one that makes up for it, and this much tighter.
 const TIGHTER: f64 = 0.85;
 
+/// A scene ready for rays: what all plans share.
+pub struct Stand {
+    /// Triangles, materials and lights.
+    pub scene: Scene,
+    /// The ray engine.
+    pub bvh: Bvh,
+}
+
+impl Stand {
+    /// Anonymous memory that building the ray engine takes at most, on top of the scene: 144 bytes a triangle were measured.
+    pub fn bytes(scene: &Scene) -> u64 {
+        144 * scene.triangles.len() as u64
+    }
+
+    /// Builds the ray engine.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn new(scene: Scene, monitor: &dyn Monitor) -> Result<(Self, StageTime)> {
+        let triangles = scene.triangles.len() as u64;
+        let stage = Stage::start(monitor, "rays", "triangles", Some(triangles));
+        let bvh = Bvh::build(&scene);
+        stage.advance(triangles)?;
+        Ok((Self { scene, bvh }, stage.finish()))
+    }
+}
+
+/// Where rounds keep what they have done.
+pub trait Journal {
+    /// What became of the rounds so far.
+    fn rounds(&self) -> &Ledger<'_>;
+    /// The blocks of a round, from 1; those of rounds before are not needed any more.
+    ///
+    /// # Errors
+    /// What the ledger says on being resumed.
+    fn round(&self, number: u32) -> Result<Ledger<'_>>;
+}
+
 /// Bakes by plans that tighten until the independent gather says that the target is met; also returns the last plan.
+/// Keeps nothing on disk.
+///
+/// # Errors
+/// [`Error::Interrupted`], and [`Error::Usage`] when the operator is not for so many sites.
 pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(Model, Plan, PipelineReport)> {
+    let (stand, built) = Stand::new(scene.clone(), monitor)?;
+    let pause = || monitor.check();
+    let nothing = Nothing(Ledger::idle(&pause), &pause);
+    let (model, plan, mut report) = reach_kept(stand, target, monitor, &nothing)?;
+    report.stages.insert(0, built);
+    Ok((model, plan, report))
+}
+
+/// A journal that keeps nothing.
+struct Nothing<'a>(Ledger<'a>, Pause<'a>);
+
+impl Journal for Nothing<'_> {
+    fn rounds(&self) -> &Ledger<'_> {
+        &self.0
+    }
+
+    fn round(&self, _: u32) -> Result<Ledger<'_>> {
+        Ok(Ledger::idle(self.1))
+    }
+}
+
+/// As [`reach`], with a journal: rounds and blocks that it holds are not done again.
+///
+/// # Errors
+/// As [`reach`], and the journal's.
+pub fn reach_kept(
+    stand: Stand,
+    target: &Target,
+    monitor: &dyn Monitor,
+    journal: &dyn Journal,
+) -> Result<(Model, Plan, PipelineReport)> {
     let mut aim = AIM * target.error;
     let mut spent = PipelineReport::default();
-    for round in 1.. {
+    let mut stand = Some(stand);
+    for round in 1..=ROUNDS {
         let Target { error, basis, operator, .. } = *target;
         let plan = Plan { target: error, basis, operator, ..Plan::new(aim, target.seed) };
-        let (model, mut report) = build(scene.clone(), &plan, target.bounces, monitor)?;
-        report.rays += spent.rays;
-        spent.stages.append(&mut report.stages);
-        let reached = report.estimate.error;
+        let mut made = None;
+        let mut make = || -> Result<_> {
+            let stand = stand.take().expect("each round gives the scene back");
+            let ledger = journal.round(round)?;
+            build_kept(stand, &plan, target.bounces, (monitor, &ledger))
+        };
+        let rounds = u64::from(round)..u64::from(round) + 1;
+        let One([reached, rays]) = journal.rounds().keep(Tag::new("round"), rounds, || {
+            let (model, report) = make()?;
+            let found = [report.estimate.error, report.rays as f64];
+            made = Some((model, report));
+            Ok(One(found))
+        })?;
         // No plan makes a contraction of the dense operator.
         let last = round == ROUNDS || operator == Operator::Dense;
         if reached <= LENIENCE * target.error || last {
+            // An earlier run may have come to this end: its blocks make the model again.
+            let (model, mut report) = made.map_or_else(make, Ok)?;
             if reached > target.error {
                 let percent = |e: f64| format!("{:.2} %", 100.0 * e);
                 monitor.warn(&format!(
@@ -86,10 +174,16 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
                     percent(reached)
                 ));
             }
+            report.rays += spent.rays;
+            spent.stages.append(&mut report.stages);
             report.stages = spent.stages;
             return Ok((model, plan, report));
         }
-        spent.rays = report.rays;
+        spent.rays += rays as u64;
+        if let Some((model, mut report)) = made {
+            spent.stages.append(&mut report.stages);
+            stand = Some(Stand { scene: model.scene, bvh: model.bvh });
+        }
         aim *= (TIGHTER * target.error / reached).clamp(0.4, TIGHTER);
     }
     unreachable!("the last round returns")
@@ -98,19 +192,31 @@ pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(M
 /// Radii up to this many times the smallest belong to corners, whose true radius is smaller still.
 const CORNER: f32 = 1.5;
 
-/// Lays out sites and links by a plan, solves for the light once and judges the result.
+/// Lays out sites and links by a plan, solves for the light once and judges the result. Keeps nothing on disk.
+///
+/// # Errors
+/// As [`reach`].
 pub fn build(
     scene: Scene,
     plan: &Plan,
     bounces: Option<usize>,
     monitor: &dyn Monitor,
 ) -> Result<(Model, PipelineReport)> {
-    let mut report = PipelineReport::default();
-    let stage = Stage::start(monitor, "rays", "triangles", Some(scene.triangles.len() as u64));
-    let bvh = Bvh::build(&scene);
-    stage.advance(scene.triangles.len() as u64)?;
-    report.stages.push(stage.finish());
+    let (stand, built) = Stand::new(scene, monitor)?;
+    let pause = || monitor.check();
+    let (model, mut report) = build_kept(stand, plan, bounces, (monitor, &Ledger::idle(&pause)))?;
+    report.stages.insert(0, built);
+    Ok((model, report))
+}
 
+/// As [`build`], with a ledger: blocks that it holds are not made again.
+fn build_kept(
+    Stand { scene, bvh }: Stand,
+    plan: &Plan,
+    bounces: Option<usize>,
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+) -> Result<(Model, PipelineReport)> {
+    let mut report = PipelineReport::default();
     let stage = Stage::start(monitor, "rows", "receivers", None);
     let surface = Surface::new(&scene, leaf_order(&bvh));
     let (lamps, glowing) = lamps::split(&scene);
@@ -118,13 +224,13 @@ pub fn build(
     let shadows = Shadows { tree: &tree, lamps: &lamps, bvh: &bvh };
     let shines = |at: &SurfacePoint| shadows.reach(at);
     let sources = Sources { shines: &shines, glowing: &glowing, sky: scene.sky.is_some() };
-    let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers);
+    let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers, ledger)?;
     stage.advance(placement.places.len() as u64)?;
     report.stages.push(stage.finish());
 
     let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let layout = lay(grounds, plan, (&placement, shadows), monitor)?;
+    let layout = lay(grounds, plan, (&placement, shadows), ledger)?;
     stage.advance(layout.sites.len() as u64)?;
     if plan.operator == Operator::Dense && layout.sites.len() > MOST_SITES {
         let sites = layout.sites.len();
@@ -135,22 +241,23 @@ pub fn build(
     report.stages.push(stage.finish());
 
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
-    let receivers = Receivers::settle(layout.around(grounds), placement);
-    let spread = Spread::fit(layout.around(grounds), &receivers, &layout.means, plan.basis);
+    let receivers = Receivers::settle(layout.around(grounds), placement, ledger)?;
+    let spread = Spread::fit(layout.around(grounds), (&receivers, &layout.means), plan.basis, ledger)?;
     let placed = receivers.ray_count();
     let mut work = Work { grounds, layout, receivers, spread, solution: Solution::default() };
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());
-    solve(&mut work, "first light", (plan, bounces), (monitor, &mut report))?;
+    let watch = (monitor, ledger);
+    solve(&mut work, "first light", (plan, bounces), watch, &mut report)?;
 
     let stage = Stage::start(monitor, "refine", "receivers", None);
-    work::refine::refine(&mut work, plan, monitor)?;
+    work::refine::refine(&mut work, plan, ledger)?;
     stage.advance(work.receivers.len() as u64)?;
     report.stages.push(stage.finish());
 
-    solve(&mut work, "solve", (plan, bounces), (monitor, &mut report))?;
+    solve(&mut work, "solve", (plan, bounces), watch, &mut report)?;
     if plan.operator == Operator::Dense {
-        solve_dense(&mut work, (plan, bounces), (monitor, &mut report))?;
+        solve_dense(&mut work, (plan, bounces), watch, &mut report)?;
     }
     // Those of the receivers placed by geometry are counted already.
     report.rays += work.receivers.ray_count() - placed + work.spread.rays;
@@ -175,7 +282,7 @@ pub fn build(
         field,
         smooth: OnceLock::new(),
     };
-    judge(&model, plan, (monitor, &mut report))?;
+    judge(&model, plan, watch, &mut report)?;
     Ok((model, report))
 }
 
@@ -184,14 +291,14 @@ fn lay(
     grounds: Grounds<'_>,
     plan: &Plan,
     (placement, shadows): (&Placement, Shadows<'_>),
-    monitor: &dyn Monitor,
+    ledger: &Ledger<'_>,
 ) -> Result<Layout> {
     let scene = grounds.scene;
     let (radii, smallest) = (placement.radii(), placement.smallest_radius);
     let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
     let spacing = |at: &Candidate| {
         // Who asks to stop wants no sites: levels end here, the layout then errors.
-        if monitor.interrupted().is_some() {
+        if ledger.pause().is_err() {
             return None;
         }
         let (radius, share) =
@@ -208,18 +315,24 @@ fn lay(
     };
     // Where surfaces are nearest most sites are: those get what they want, not up to twice as many.
     let sites = SiteParams { met: smallest * plan.site_spacing, ..plan.sites };
-    Layout::new(grounds, plan, (&sites, &placement.places), spacing, monitor)
+    Layout::new(grounds, plan, (&sites, &placement.places), spacing, ledger)
 }
 
 fn solve(
     work: &mut Work<'_>,
     name: &'static str,
     (plan, bounces): (&Plan, Option<usize>),
-    (monitor, report): (&dyn Monitor, &mut PipelineReport),
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+    report: &mut PipelineReport,
 ) -> Result<()> {
     let stage = Stage::start(monitor, name, "iterations", None);
     let params = iteration(work, plan, bounces);
-    let (solution, iterate) = work.problem().solve(&params);
+    let gather = |radiosity: &[Rgb]| {
+        ledger.keep(Tag::new("product"), 0..work.receivers.len() as u64, || {
+            Ok(work.problem().gather(radiosity))
+        })
+    };
+    let (solution, iterate) = work.problem().solve_by(gather, &params)?;
     work.solution = solution;
     stage.advance(iterate.iterations as u64)?;
     report.iterate = iterate;
@@ -237,7 +350,8 @@ fn iteration(work: &Work<'_>, plan: &Plan, bounces: Option<usize>) -> IteratePar
 fn solve_dense(
     work: &mut Work<'_>,
     (plan, bounces): (&Plan, Option<usize>),
-    (monitor, report): (&dyn Monitor, &mut PipelineReport),
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+    report: &mut PipelineReport,
 ) -> Result<()> {
     let stage = Stage::start(monitor, "dense", "iterations", None);
     let dense = Dense::couple(work.layout.around(work.grounds), &work.receivers);
@@ -246,7 +360,11 @@ fn solve_dense(
         monitor.warn(&format!("rows of the dense operator sum to up to {largest:.2}: it makes light"));
     }
     let params = iteration(work, plan, bounces);
-    let (solution, iterate) = work.problem().solve_by(|radiosity| dense.gather(radiosity), &params);
+    let gather = |radiosity: &[Rgb]| {
+        ledger.pause()?;
+        Ok::<_, Error>(dense.gather(radiosity))
+    };
+    let (solution, iterate) = work.problem().solve_by(gather, &params)?;
     work.solution = solution;
     stage.advance(iterate.iterations as u64)?;
     report.iterate = iterate;
@@ -254,17 +372,22 @@ fn solve_dense(
     Ok(())
 }
 
-fn judge(model: &Model, plan: &Plan, (monitor, report): (&dyn Monitor, &mut PipelineReport)) -> Result<()> {
+fn judge(
+    model: &Model,
+    plan: &Plan,
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+    report: &mut PipelineReport,
+) -> Result<()> {
     let stage = Stage::start(monitor, "judge", "points", None);
     let mut params =
         ValidateParams { points: plan.judges, rays: plan.judge_rays, seed: plan.sites.seed ^ 0x1d9e };
-    report.estimate = validate::judge(&model.field(), &params);
+    report.estimate = validate::judge(&model.field(), &params, ledger)?;
     report.rays += report.estimate.rays;
     stage.advance(params.points as u64)?;
     // Before a plan is thrown away it is heard again, by more.
     if report.estimate.error > LENIENCE * plan.target {
         params = ValidateParams { points: APPEAL * params.points, seed: params.seed ^ 0xa99e, ..params };
-        report.estimate = validate::judge(&model.field(), &params);
+        report.estimate = validate::judge(&model.field(), &params, ledger)?;
         report.rays += report.estimate.rays;
         stage.advance(params.points as u64)?;
     }

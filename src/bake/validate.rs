@@ -5,12 +5,17 @@
 
 use rayon::prelude::*;
 
+use crate::archive::{Ledger, Tag};
+use crate::error::Result;
 use crate::geometry::{SurfacePoint, hash, tangent_frame};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
 use crate::sites::SiteId;
 use crate::solve::Field;
 use crate::solve::light::RowLight;
+
+/// Points judged in a block: a fraction of a second's rays.
+const JUDGED_BLOCK: usize = 128;
 
 /// How the estimate is made.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,12 +42,14 @@ pub struct Estimate {
 }
 
 /// Judges a field by points spread over all lit surfaces.
-pub fn judge(field: &Field<'_>, params: &ValidateParams) -> Estimate {
+///
+/// # Errors
+/// The ledger's.
+pub fn judge(field: &Field<'_>, params: &ValidateParams, ledger: &Ledger<'_>) -> Result<Estimate> {
     let sampler = Sampler::new(field);
     // Sides that no light reaches (the outside of a closed room) are no part of the answer; ask for more points
     // until enough are lit.
     let mut lit: Vec<Sample> = Vec::new();
-    let mut rays = 0;
     for round in 0..8 {
         let points: Vec<SurfacePoint> = (0..params.points)
             .filter_map(|i| sampler.point(field, params.seed, (round * params.points + i) as u64))
@@ -51,16 +58,20 @@ pub fn judge(field: &Field<'_>, params: &ValidateParams) -> Estimate {
         let dark = |k: usize| answers[k].total().max_element() <= 0.0;
         let chosen: Vec<usize> =
             (0..points.len()).filter(|&k| !dark(k)).take(params.points - lit.len()).collect();
-        let samples: Vec<Sample> = chosen.par_iter().map(|&k| sample(field, &points[k], params)).collect();
-        rays += samples.iter().map(|s| s.rays).sum::<u64>();
-        lit.extend(samples);
+        let judged = |range: std::ops::Range<usize>| {
+            let samples = chosen[range].par_iter().map(|&k| sample(field, &points[k], params).to_words());
+            Ok(samples.collect::<Vec<[f64; 5]>>())
+        };
+        ledger.blocks(Tag::new("judged"), (chosen.len(), JUDGED_BLOCK), judged, |samples| {
+            lit.extend(samples.iter().map(Sample::from_words));
+        })?;
         if lit.len() >= params.points {
             break;
         }
     }
     let mut estimate = Estimate::from_samples(&lit);
-    estimate.rays = rays;
-    estimate
+    estimate.rays = lit.iter().map(|s| s.rays).sum();
+    Ok(estimate)
 }
 
 /// The differences at one point: products of those to two independent gathers, whose noise averages to nothing.
@@ -70,6 +81,16 @@ struct Sample {
     both: f64,
     mean: f64,
     rays: u64,
+}
+
+impl Sample {
+    fn to_words(&self) -> [f64; 5] {
+        [self.direct, self.indirect, self.both, self.mean, self.rays as f64]
+    }
+
+    fn from_words(&[direct, indirect, both, mean, rays]: &[f64; 5]) -> Self {
+        Self { direct, indirect, both, mean, rays: rays as u64 }
+    }
 }
 
 fn sample(field: &Field<'_>, point: &SurfacePoint, params: &ValidateParams) -> Sample {

@@ -1,7 +1,8 @@
 //! The dense reference operator: the same rows and weights as one matrix, for tests. Never optimised.
 
-use super::receivers::{Receivers, Spread};
+use super::receivers::Receivers;
 use super::rows::FIRST_MARK;
+use super::spread::Spread;
 
 /// R without albedo, site by site: `matrix[receiver site][source site]`, row sums at most one.
 pub fn matrix(sites: usize, receivers: &Receivers, spread: &Spread) -> Vec<Vec<f64>> {

@@ -11,6 +11,7 @@ pub mod points;
 pub mod receivers;
 pub mod refine;
 pub mod rows;
+pub mod spread;
 
 use glam::Vec3;
 

@@ -4,11 +4,14 @@
 //! Tabellion and Lamorlette 2004 (clamping the harmonic mean). We divide by the rays that hit, not by all: in open
 //! scenes escaped rays would otherwise inflate the radius of surfaces that are close to others.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::rows::{RawHit, RawRows, RowParams, Rows};
 use super::{Surroundings, covering};
-use crate::basis::{Basis, shepard};
+use crate::archive::{Ledger, Tag};
+use crate::error::Result;
 use crate::geometry::{SurfacePoint, hash};
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
@@ -21,7 +24,6 @@ use crate::sites::SiteId;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
 use crate::tree::index::{REACH, SupportIndex};
-use crate::tree::mls::{self, Sign};
 
 /// How receivers are chosen.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +42,9 @@ pub struct ReceiverParams {
 
 /// The ends of visibility rays are lifted by at most this share of the local spacing.
 const LIFT_SHARE: f32 = 0.03;
+
+/// Candidates of a block: their visibility rays take a fraction of a second.
+const COVERED_BLOCK: usize = 1 << 16;
 
 /// The first level has about this many receivers.
 const COARSEST: f64 = 64.0;
@@ -86,7 +91,16 @@ impl Placement {
     /// Places receivers level by level until every bit of surface is covered by one that it sees.
     ///
     /// Deterministic for any number of threads. Cost: a row a receiver, about fifteen coverage tests a receiver.
-    pub fn grow(surface: &Surface<'_>, bvh: &Bvh, sources: &Sources<'_>, params: &ReceiverParams) -> Self {
+    ///
+    /// # Errors
+    /// The ledger's.
+    pub fn grow(
+        surface: &Surface<'_>,
+        bvh: &Bvh,
+        sources: &Sources<'_>,
+        params: &ReceiverParams,
+        ledger: &Ledger<'_>,
+    ) -> Result<Self> {
         let first = (0.76 * surface.area() / COARSEST).sqrt() as f32;
         let mut growth = Growth::new(surface, first, params.rows.seed);
         let mut placement = Self {
@@ -108,11 +122,12 @@ impl Placement {
             }
             let candidate_is_lit = |c: &Candidate| placement.is_lit(surface.scene(), c.triangle, c.back);
             let lit: Vec<bool> = candidates.par_iter().with_min_len(256).map(candidate_is_lit).collect();
-            let mut shares = placement.cover(bvh, &candidates, LIFT_SHARE * growth.spacing);
+            let lift = LIFT_SHARE * growth.spacing;
+            let mut shares = placement.cover(&candidates, (bvh, lift), ledger)?;
             shares.iter_mut().zip(&lit).filter(|(_, lit)| !**lit).for_each(|(s, _)| *s = Some(0.0));
             let mut keep = vec![false; growth.active.len()];
             candidates.iter().zip(&shares).for_each(|(c, s)| keep[c.piece as usize] |= s.is_none());
-            placement.add_rows((surface, bvh), params, (&growth, &candidates, &shares));
+            placement.add_rows((surface, bvh), params, (&growth, &candidates, &shares), ledger)?;
             let exchanging = exchange(&growth, &candidates, &shares);
             settled += exchanging.iter().zip(&keep).filter(|(_, k)| !**k).map(|(e, _)| e).sum::<f64>();
             let open: f64 = exchanging.iter().zip(&keep).filter(|(_, k)| **k).map(|(e, _)| e).sum();
@@ -124,7 +139,7 @@ impl Placement {
             growth.descend(&keep);
         }
         placement.widen();
-        placement
+        Ok(placement)
     }
 
     /// Whether light can get to a side of a triangle.
@@ -169,26 +184,43 @@ impl Placement {
 
     /// Per candidate, whether a receiver covers it: the share of the receiver's rays that met surfaces (zero for the
     /// dead); None if uncovered.
-    fn cover(&mut self, bvh: &Bvh, candidates: &[Candidate], lift: f32) -> Vec<Option<f32>> {
-        let rays = self.raw.rays as f32;
-        let answers: Vec<(Option<f32>, u64)> = candidates
-            .par_iter()
-            .with_min_len(64)
-            .map_init(Vec::new, |found, candidate| {
-                let at = candidate.point;
-                let mut buried = false;
-                self.dead.for_each(&at, 1.0, |id, _| {
-                    buried |= mutually_visible(at, self.dead.supports()[id as usize].point, lift, bvh);
-                });
-                if buried {
-                    return (Some(0.0), 0);
-                }
-                let (by, rays_used) = covering(&self.index, &at, (lift, bvh), found);
-                (by.map(|id| self.raw.summaries[id as usize].hits as f32 / rays), rays_used)
-            })
-            .collect();
-        self.rays += answers.iter().map(|a| a.1).sum::<u64>();
-        answers.into_iter().map(|a| a.0).collect()
+    fn cover(
+        &mut self,
+        candidates: &[Candidate],
+        lifted: (&Bvh, f32),
+        ledger: &Ledger<'_>,
+    ) -> Result<Vec<Option<f32>>> {
+        let (mut covered, mut rays) = (Vec::with_capacity(candidates.len()), 0);
+        let look = |range: Range<usize>| {
+            let answer = |found: &mut Vec<(f32, u32)>, c: &Candidate| self.covered(&c.point, lifted, found);
+            let answers = candidates[range].par_iter().with_min_len(64).map_init(Vec::new, answer);
+            Ok(answers.unzip::<f32, u32, Vec<f32>, Vec<u32>>())
+        };
+        ledger.blocks(Tag::new("covered"), (candidates.len(), COVERED_BLOCK), look, |(shares, used)| {
+            covered.extend(shares.into_iter().map(|share| (share >= 0.0).then_some(share)));
+            rays += used.into_iter().map(u64::from).sum::<u64>();
+        })?;
+        self.rays += rays;
+        Ok(covered)
+    }
+
+    /// One candidate's answer, −1 if uncovered, and the rays that it took.
+    fn covered(
+        &self,
+        at: &SurfacePoint,
+        (bvh, lift): (&Bvh, f32),
+        found: &mut Vec<(f32, u32)>,
+    ) -> (f32, u32) {
+        let mut buried = false;
+        self.dead.for_each(at, 1.0, |id, _| {
+            buried |= mutually_visible(*at, self.dead.supports()[id as usize].point, lift, bvh);
+        });
+        if buried {
+            return (0.0, 0);
+        }
+        let (by, rays) = covering(&self.index, at, (lift, bvh), found);
+        let share = |id: u32| self.raw.summaries[id as usize].hits as f32 / self.raw.rays as f32;
+        (by.map_or(-1.0, share), rays as u32)
     }
 
     /// Gives rows to the uncovered candidates that keep the level's distance from each other.
@@ -197,7 +229,8 @@ impl Placement {
         (surface, bvh): (&Surface<'_>, &Bvh),
         params: &ReceiverParams,
         (growth, candidates, shares): (&Growth<'_>, &[Candidate], &[Option<f32>]),
-    ) {
+        ledger: &Ledger<'_>,
+    ) -> Result<()> {
         let mut darts = Darts::new(growth.spacing, 256);
         let mut chosen: Vec<&Candidate> = Vec::new();
         for (candidate, _) in candidates.iter().zip(shares).filter(|(_, s)| s.is_none()) {
@@ -212,7 +245,7 @@ impl Placement {
         let keys: Vec<u64> =
             (0..chosen.len() as u64).map(|k| hash::mix2(params.rows.seed, first + k)).collect();
         let mut fresh = RawRows::new(params.rows.rays);
-        fresh.extend((surface.scene(), bvh), &points, &keys);
+        fresh.extend((surface.scene(), bvh), (&points, &keys), ledger)?;
         self.rays += fresh.hits.len() as u64;
         for (k, candidate) in chosen.into_iter().enumerate() {
             let wanted = params.factor * fresh.summaries[k].harmonic_distance();
@@ -231,6 +264,7 @@ impl Placement {
                 self.raw.push(&fresh, k);
             }
         }
+        Ok(())
     }
 
     /// Widens radii below the smallest, which became known on the way.
@@ -362,15 +396,18 @@ pub struct Receivers {
 
 impl Receivers {
     /// Finds out who speaks for the surfaces that the rays met, and for the receivers' own places.
-    pub fn settle(around: Surroundings<'_>, placement: Placement) -> Self {
+    ///
+    /// # Errors
+    /// The ledger's.
+    pub fn settle(around: Surroundings<'_>, placement: Placement, ledger: &Ledger<'_>) -> Result<Self> {
         let home = |s: &Support| around.site_under(&s.point).unwrap_or(SiteId(0));
-        Self {
+        Ok(Self {
             homes: placement.index.supports().par_iter().with_min_len(64).map(home).collect(),
             index: placement.index,
             lift: LIFT_SHARE * placement.smallest_radius,
-            rows: placement.raw.resolve(around),
+            rows: placement.raw.resolve(around, ledger)?,
             own: Rows::default(),
-        }
+        })
     }
 
     /// How many receivers there are.
@@ -401,133 +438,4 @@ impl Receivers {
     pub fn ray_count(&self) -> u64 {
         self.tables().iter().map(|(_, rows)| rows.len() as u64 * u64::from(rows.rays)).sum()
     }
-}
-
-/// Interpolation from receivers to sites: for each site the receivers it sees, and non-negative weights.
-#[derive(Debug, Clone, Default)]
-pub struct Spread {
-    /// Sites + 1 offsets into the other two.
-    pub offsets: Vec<u32>,
-    /// Receiver numbers, nearest first.
-    pub receivers: Vec<u32>,
-    /// Their weights; non-negative, summing to one over a site with any.
-    pub weights: Vec<f32>,
-    /// Visibility rays traced.
-    pub rays: u64,
-    /// What the weights are of: Franke and Little's, or non-negative linear fits for every other basis. Cardinal functions of
-    /// the radial bases change sign and do not sum to one: light that they push would not keep its energy.
-    pub basis: Basis,
-}
-
-impl Spread {
-    /// Finds every site's receivers by visibility and fits their weights.
-    ///
-    /// `means` are the mean points and mean normals of the surface that each site stands for: light is near to linear in
-    /// both, so that a fit there is the mean over the surface.
-    pub fn fit(
-        around: Surroundings<'_>,
-        receivers: &Receivers,
-        means: &[SurfacePoint],
-        basis: Basis,
-    ) -> Self {
-        let mut spread = Self { offsets: vec![0; around.sites.len() + 1], basis, ..Self::default() };
-        spread.refit(around, (receivers, means), |_| true);
-        spread
-    }
-
-    /// Finds and fits anew the sites that the receivers from number `first` on reach.
-    pub fn update(
-        &mut self,
-        around: Surroundings<'_>,
-        receivers: &Receivers,
-        means: &[SurfacePoint],
-        first: usize,
-    ) {
-        let fresh = SupportIndex::new(&receivers.index.supports()[first..]);
-        self.refit(around, (receivers, means), |site| {
-            let mut reached = false;
-            fresh.for_each(&around.sites.point(SiteId(site as u32)), REACH, |_, _| reached = true);
-            reached
-        });
-    }
-
-    fn refit(
-        &mut self,
-        around: Surroundings<'_>,
-        (receivers, means): (&Receivers, &[SurfacePoint]),
-        stale: impl Fn(usize) -> bool + Sync,
-    ) {
-        let fits: Vec<Option<SiteFit>> = (0..around.sites.len())
-            .into_par_iter()
-            .with_min_len(64)
-            .map_init(Vec::new, |found, site| {
-                let place = (SiteId(site as u32), &means[site], self.basis);
-                stale(site).then(|| fit_site(around, receivers, place, found))
-            })
-            .collect();
-        let mut spread = Self { offsets: vec![0], rays: self.rays, basis: self.basis, ..Self::default() };
-        for (site, fit) in fits.into_iter().enumerate() {
-            match fit {
-                Some((ids, weights, rays)) => {
-                    spread.receivers.extend_from_slice(&ids);
-                    spread.weights.extend_from_slice(&weights);
-                    spread.rays += rays;
-                }
-                None => {
-                    spread.receivers.extend_from_slice(self.receivers_of(site));
-                    spread.weights.extend_from_slice(self.weights_of(site));
-                }
-            }
-            spread.offsets.push(spread.receivers.len() as u32);
-        }
-        *self = spread;
-    }
-
-    /// The receivers a site sees.
-    pub fn receivers_of(&self, site: usize) -> &[u32] {
-        &self.receivers[self.offsets[site] as usize..self.offsets[site + 1] as usize]
-    }
-
-    /// The weights of those receivers at the site.
-    pub fn weights_of(&self, site: usize) -> &[f32] {
-        &self.weights[self.offsets[site] as usize..self.offsets[site + 1] as usize]
-    }
-}
-
-/// Receivers that a site sees, their weights, visibility rays.
-type SiteFit = (Vec<u32>, Vec<f32>, u64);
-
-/// How many receivers a site lists: points around it fit the nearest of them.
-const LISTED: usize = 32;
-
-fn fit_site(
-    around: Surroundings<'_>,
-    receivers: &Receivers,
-    (site, mean, basis): (SiteId, &SurfacePoint, Basis),
-    found: &mut Vec<(f32, u32)>,
-) -> SiteFit {
-    let at = around.sites.point(site);
-    receivers.index.nearest(&at, REACH, found);
-    let mut rays = 0;
-    let mut ids = Vec::with_capacity(LISTED);
-    let mut supports = Vec::with_capacity(LISTED);
-    for (_, id) in found.iter() {
-        let support = receivers.index.supports()[*id as usize];
-        rays += 1;
-        if mutually_visible(at, support.point, receivers.lift, around.bvh) {
-            ids.push(*id);
-            supports.push(support);
-            if ids.len() == LISTED {
-                break;
-            }
-        }
-    }
-    let weights = match basis {
-        Basis::Shepard => shepard::weights(mean, &supports),
-        _ => mls::weights(mean, &supports, Sign::NonNegative),
-    };
-    if weights.is_empty() {
-        ids.clear();
-    }
-    (ids, weights.to_vec(), rays)
 }

@@ -5,10 +5,15 @@
 //! sums to the share of rays that met something: ‖G‖∞ ≤ 1 by construction. The ray's direction is its place in the
 //! row, so that gradients and the sky need no further storage.
 
+use std::ops::Range;
+
+use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::Surroundings;
+use crate::archive::{Ledger, Tag};
+use crate::error::Result;
 use crate::geometry::{SurfacePoint, hash, hemisphere, tangent_frame};
 use crate::rays::{Bvh, Hit, Ray};
 use crate::scene::Scene;
@@ -22,6 +27,9 @@ pub const LOST: u32 = u32::MAX - 2;
 /// Values from here on are not sites.
 pub const FIRST_MARK: u32 = LOST;
 
+/// Rays of a block: about a second of one core.
+const BLOCK_RAYS: usize = 1 << 20;
+
 /// How rows are shot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RowParams {
@@ -32,7 +40,8 @@ pub struct RowParams {
 }
 
 /// What a row's rays met, in numbers.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct RowSummary {
     /// Rays that met a surface.
     pub hits: u32,
@@ -77,7 +86,8 @@ pub struct RawRows {
 }
 
 /// One ray's end: a triangle's side with barycentric coordinates, or a mark.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
 pub struct RawHit {
     /// Triangle · 2 + 1 for its back, or [`SKY`] or [`BLACK`].
     side: u32,
@@ -91,19 +101,33 @@ impl RawRows {
         Self { rays, ..Self::default() }
     }
 
-    /// Shoots rows from more points; the keys make the result independent of the order of work.
-    pub fn extend(&mut self, (scene, bvh): (&Scene, &Bvh), points: &[SurfacePoint], keys: &[u64]) {
+    /// Shoots rows from more points, block by block; the keys make the result independent of the order of work.
+    ///
+    /// # Errors
+    /// The ledger's.
+    pub fn extend(
+        &mut self,
+        (scene, bvh): (&Scene, &Bvh),
+        (points, keys): (&[SurfacePoint], &[u64]),
+        ledger: &Ledger<'_>,
+    ) -> Result<()> {
         let n = self.rays as usize;
-        let start = self.hits.len();
-        self.hits.resize(start + points.len() * n, RawHit { side: SKY, u: 0.0, v: 0.0 });
         let lattice = lattice(self.rays);
-        let summaries: Vec<RowSummary> = self.hits[start..]
-            .par_chunks_mut(n)
-            .zip(points.par_iter().zip(keys))
-            .map(|(out, (point, key))| shoot((scene, bvh), &lattice, (point, *key), out))
-            .collect();
-        self.summaries.extend(summaries);
+        let shoot_rows = |range: Range<usize>| {
+            let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; range.len() * n];
+            let summaries: Vec<RowSummary> = hits
+                .par_chunks_mut(n)
+                .zip(points[range.clone()].par_iter().zip(&keys[range]))
+                .map(|(out, (point, key))| shoot((scene, bvh), &lattice, (point, *key), out))
+                .collect();
+            Ok((hits, summaries))
+        };
         self.keys.extend_from_slice(keys);
+        self.hits.reserve(points.len() * n);
+        ledger.blocks(Tag::new("hits"), (points.len(), BLOCK_RAYS / n), shoot_rows, |(hits, summaries)| {
+            self.hits.extend(hits);
+            self.summaries.extend(summaries);
+        })
     }
 
     /// A single row, shot on this thread alone.
@@ -122,9 +146,24 @@ impl RawRows {
     }
 
     /// Asks for every hit who speaks for the surface there.
-    pub fn resolve(self, around: Surroundings<'_>) -> Rows {
-        let met = self.hits.par_iter().with_min_len(1024).map(|hit| hit.met(around)).collect();
+    pub fn met(self, around: Surroundings<'_>) -> Rows {
+        let met = self.hits.iter().map(|hit| hit.met(around)).collect();
         Rows { rays: self.rays, keys: self.keys, met, summaries: self.summaries }
+    }
+
+    /// Asks for every hit who speaks for the surface there, block by block.
+    ///
+    /// # Errors
+    /// The ledger's.
+    pub fn resolve(self, around: Surroundings<'_>, ledger: &Ledger<'_>) -> Result<Rows> {
+        let n = self.rays as usize;
+        let mut met = Vec::with_capacity(self.hits.len());
+        let ask = |rows: Range<usize>| {
+            let hits = &self.hits[rows.start * n..rows.end * n];
+            Ok(hits.par_iter().with_min_len(1024).map(|hit| hit.met(around)).collect::<Vec<u32>>())
+        };
+        ledger.blocks(Tag::new("met"), (self.keys.len(), BLOCK_RAYS / n), ask, |block| met.extend(block))?;
+        Ok(Rows { rays: self.rays, keys: self.keys, met, summaries: self.summaries })
     }
 }
 
@@ -191,7 +230,7 @@ impl Rows {
 
     /// A single row, shot on this thread alone.
     pub fn single(around: Surroundings<'_>, point: &SurfacePoint, key: u64, rays: u32) -> Self {
-        RawRows::single((around.scene, around.bvh), point, key, rays).resolve(around)
+        RawRows::single((around.scene, around.bvh), point, key, rays).met(around)
     }
 
     /// The weight of each of a row's sites, so that lost rays count as the mean of the others that met surfaces: rows of

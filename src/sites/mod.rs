@@ -12,6 +12,7 @@ mod scatter;
 
 use glam::Vec3;
 
+use crate::archive::{Keep, Parcel};
 use crate::geometry::SurfacePoint;
 use crate::scatter::bricks::Bricks;
 use crate::scatter::surface::Piece;
@@ -77,6 +78,46 @@ pub struct Plot {
     pub piece: Piece,
     /// Local spacing of its sites; zero where nothing reflects.
     pub spacing: f32,
+}
+
+impl Keep for SiteArrays {
+    fn put(&self, parcel: &mut Parcel) {
+        parcel.put(&self.positions);
+        parcel.put(&self.normals);
+        parcel.put(&self.areas);
+        parcel.put(&self.triangles);
+        parcel.put(&self.barycentrics);
+        parcel.put(&self.levels);
+        parcel.put(&self.spacings);
+    }
+
+    fn take(parcel: &mut Parcel) -> Result<Self, String> {
+        Ok(Self {
+            positions: parcel.take()?,
+            normals: parcel.take()?,
+            areas: parcel.take()?,
+            triangles: parcel.take()?,
+            barycentrics: parcel.take()?,
+            levels: parcel.take()?,
+            spacings: parcel.take()?,
+        })
+    }
+}
+
+impl Plot {
+    /// As words, for storage.
+    pub fn to_words(&self) -> [u32; 7] {
+        let Piece { first, last, path, back, area } = self.piece;
+        let [low, high] = [path as u32, (path >> 32) as u32];
+        [first, last, low, high, u32::from(back), area.to_bits(), self.spacing.to_bits()]
+    }
+
+    /// From words that [`Plot::to_words`] gave.
+    pub fn from_words(&[first, last, low, high, back, area, spacing]: &[u32; 7]) -> Self {
+        let path = u64::from(high) << 32 | u64::from(low);
+        let piece = Piece { first, last, path, back: back != 0, area: f32::from_bits(area) };
+        Self { piece, spacing: f32::from_bits(spacing) }
+    }
 }
 
 /// Nested Poisson-disk sites over the surfaces, structure of arrays, in Morton order.

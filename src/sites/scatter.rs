@@ -46,18 +46,37 @@ enum Fate {
 }
 
 impl Sites {
-    /// Grows sites over the surface. `wanted` gives the spacing wanted around a point, or None where nothing reflects;
-    /// it is met within a factor √2. Also says how each piece of surface was served.
-    ///
-    /// A piece asks at some five of its points, and at those of `heard` that lie on it: five points of a wide piece miss what
-    /// is small. The result depends on the surface, the field and the parameters alone. Cost: about 2.5 µs of one core a site,
-    /// and at most five calls of `wanted` a piece of surface and level.
+    /// Grows sites over the surface ([`Sites::grow`]) and gives each its share of it ([`Sites::settle`]).
     pub fn scatter(
         surface: &Surface<'_>,
         params: &SiteParams,
         heard: &[Candidate],
         wanted: impl Fn(&Candidate) -> Option<f32> + Sync,
     ) -> (Self, Vec<Plot>, Samples) {
+        let (arrays, plots) = Self::grow(surface, params, heard, wanted);
+        let (sites, samples) = Self::settle(arrays, surface, &plots, params.seed);
+        (sites, plots, samples)
+    }
+
+    /// Sites that have grown, with look-up and areas, and the points of the surface that each stands for.
+    pub fn settle(arrays: SiteArrays, surface: &Surface<'_>, plots: &[Plot], seed: u64) -> (Self, Samples) {
+        let mut sites = Self::from_arrays(arrays);
+        let samples = Samples::share(&mut sites, surface, plots, seed);
+        (sites, samples)
+    }
+
+    /// Grows sites over the surface; they have no areas yet. `wanted` gives the spacing wanted around a point, or None where nothing reflects;
+    /// it is met within a factor √2. Also says how each piece of surface was served.
+    ///
+    /// A piece asks at some five of its points, and at those of `heard` that lie on it: five points of a wide piece miss what
+    /// is small. The result depends on the surface, the field and the parameters alone. Cost: about 2.5 µs of one core a site,
+    /// and at most five calls of `wanted` a piece of surface and level.
+    pub fn grow(
+        surface: &Surface<'_>,
+        params: &SiteParams,
+        heard: &[Candidate],
+        wanted: impl Fn(&Candidate) -> Option<f32> + Sync,
+    ) -> (SiteArrays, Vec<Plot>) {
         let heard = Heard::new(heard);
         let first = (0.76 * surface.area() / params.coarsest as f64).sqrt() as f32;
         let mut growth = Growth::new(surface, params.aligned(first), params.seed);
@@ -85,9 +104,7 @@ impl Sites {
         }
         plots.par_sort_unstable_by_key(|plot| plot.piece.place());
         settle(&mut kept, &plots);
-        let mut sites = Self::from_arrays(in_order(&kept));
-        let samples = Samples::share(&mut sites, surface, &plots, params.seed);
-        (sites, plots, samples)
+        (in_order(&kept), plots)
     }
 }
 

@@ -26,7 +26,7 @@ impl Field<'_> {
         let around = self.problem.around;
         let raw = RawRows::single((around.scene, around.bvh), point, key, rays);
         let hits = raw.hits.clone();
-        let row = raw.resolve(around);
+        let row = raw.met(around);
         let mut seen = Vec::with_capacity(rays as usize);
         self.problem.look((&row, 0), point.normal, &self.solution.radiosity, &mut seen);
         let mut looked = 0;

@@ -39,14 +39,17 @@ pub struct IterateReport {
 /// above, for the price of its vectors.
 pub const ACCELERATE_FROM: f32 = 0.4;
 
-/// Solves H = b + K·H.
-pub fn solve(
-    apply: impl Fn(&[Rgb]) -> Vec<Rgb>,
+/// Solves H = b + K·H. The product may fail, as when a run is asked to stop between two of them.
+///
+/// # Errors
+/// What `apply` says.
+pub fn solve<E>(
+    apply: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
     b: &[Rgb],
     params: &IterateParams,
-) -> (Vec<Rgb>, IterateReport) {
+) -> Result<(Vec<Rgb>, IterateReport), E> {
     if b.is_empty() || norms(b).iter().all(|&n| n == 0.0) {
-        return (b.to_vec(), IterateReport { converged: true, ..IterateReport::default() });
+        return Ok((b.to_vec(), IterateReport { converged: true, ..IterateReport::default() }));
     }
     if params.bounces.is_some() || params.largest_albedo < ACCELERATE_FROM {
         neumann(apply, b, params)
@@ -55,18 +58,18 @@ pub fn solve(
     }
 }
 
-fn neumann(
-    apply: impl Fn(&[Rgb]) -> Vec<Rgb>,
+fn neumann<E>(
+    apply: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
     b: &[Rgb],
     params: &IterateParams,
-) -> (Vec<Rgb>, IterateReport) {
+) -> Result<(Vec<Rgb>, IterateReport), E> {
     let scale = norms(b);
     let mut sum = b.to_vec();
     let mut term = b.to_vec();
     let mut report = IterateReport { residual: 1.0, ..IterateReport::default() };
     let most = params.bounces.map_or(params.most, |n| n.saturating_sub(1));
     while report.iterations < most {
-        term = apply(&term);
+        term = apply(&term)?;
         sum.iter_mut().zip(&term).for_each(|(s, t)| *s += *t);
         report.iterations += 1;
         report.residual = relative(norms(&term), scale);
@@ -80,7 +83,7 @@ fn neumann(
     let left = f64::from(params.largest_albedo) * largest(&term) + f64::from(ROUNDING) * largest(&sum);
     report.error_bound = if params.bounces.is_some() { f64::INFINITY } else { amplified(left, params) };
     report.converged |= params.bounces.is_some();
-    (sum, report)
+    Ok((sum, report))
 }
 
 /// Residuals below this share of the solution are rounding: x = b + K·x in f32, sums of a few hundred terms. Without it
@@ -90,12 +93,16 @@ const ROUNDING: f32 = 8.0 * f32::EPSILON;
 /// Directions kept before a restart; 60 cover ρ = 0.99 without one.
 const KRYLOV: usize = 60;
 
-fn gmres(apply: impl Fn(&[Rgb]) -> Vec<Rgb>, b: &[Rgb], params: &IterateParams) -> (Vec<Rgb>, IterateReport) {
+fn gmres<E>(
+    apply: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
+    b: &[Rgb],
+    params: &IterateParams,
+) -> Result<(Vec<Rgb>, IterateReport), E> {
     let scale = norms(b);
     let mut x = b.to_vec();
     let mut report = IterateReport { residual: 1.0, ..IterateReport::default() };
     loop {
-        let image = apply(&x);
+        let image = apply(&x)?;
         let residual: Vec<Rgb> = (0..b.len()).map(|i| b[i] + image[i] - x[i]).collect();
         report.iterations += 1;
         report.residual = relative(norms(&residual), scale);
@@ -108,7 +115,7 @@ fn gmres(apply: impl Fn(&[Rgb]) -> Vec<Rgb>, b: &[Rgb], params: &IterateParams) 
         let mut cycle = Cycle::new(residual);
         // The last product measures what came out.
         while cycle.steps() < KRYLOV && report.iterations + 1 < params.most {
-            cycle.step(&apply);
+            cycle.step(&apply)?;
             report.iterations += 1;
             report.residual = relative(cycle.residuals(), scale);
             report.history.push(report.residual);
@@ -118,7 +125,7 @@ fn gmres(apply: impl Fn(&[Rgb]) -> Vec<Rgb>, b: &[Rgb], params: &IterateParams) 
         }
         cycle.correct(&mut x);
     }
-    (x, report)
+    Ok((x, report))
 }
 
 /// One GMRES cycle for three channels at once: an Arnoldi basis each, QR by Givens rotations.
@@ -150,10 +157,10 @@ impl Cycle {
         std::array::from_fn(|c| self.right[c][self.steps()].abs())
     }
 
-    fn step(&mut self, apply: &impl Fn(&[Rgb]) -> Vec<Rgb>) {
+    fn step<E>(&mut self, apply: &impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>) -> Result<(), E> {
         let k = self.steps();
         let last = &self.basis[k];
-        let image = apply(last);
+        let image = apply(last)?;
         let mut w: Vec<Rgb> = last.iter().zip(&image).map(|(v, kv)| *v - *kv).collect();
         let mut h: [Vec<f64>; 3] = Default::default();
         for v in &self.basis {
@@ -180,6 +187,7 @@ impl Cycle {
             self.rotations[c].push((cos, sin));
             self.columns[c].push(column);
         }
+        Ok(())
     }
 
     /// Adds the least-squares combination of the basis to `x`.
@@ -239,11 +247,13 @@ fn relative(norm: [f64; 3], scale: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::convert::Infallible;
+
     use super::*;
     use crate::geometry::hash;
 
     /// A seeded row-stochastic matrix times ρ, dense.
-    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
+    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Result<Vec<Rgb>, Infallible> {
         let rows: Vec<Vec<f32>> = (0..n)
             .map(|i| {
                 let mut row: Vec<f32> = (0..n)
@@ -260,7 +270,7 @@ mod tests {
                 row
             })
             .collect();
-        move |x| rows.iter().map(|r| r.iter().zip(x).map(|(w, x)| *x * *w).sum()).collect()
+        move |x| Ok(rows.iter().map(|r| r.iter().zip(x).map(|(w, x)| *x * *w).sum()).collect())
     }
 
     #[test]
@@ -269,8 +279,8 @@ mod tests {
         let b: Vec<Rgb> =
             (0..200).map(|i| Rgb::new(hash::unit(1, i), hash::unit(2, i), f32::from(i == 7))).collect();
         let params = IterateParams { tolerance: 1e-6, most: 1000, bounces: None, largest_albedo: 0.9 };
-        let (slow, a) = neumann(&apply, &b, &params);
-        let (fast, c) = gmres(&apply, &b, &params);
+        let Ok((slow, a)) = neumann(&apply, &b, &params);
+        let Ok((fast, c)) = gmres(&apply, &b, &params);
         assert!(
             a.converged && c.converged && c.iterations < a.iterations,
             "{} against {}",
@@ -288,14 +298,14 @@ mod tests {
         let apply = operator(20, 0.5);
         let b = vec![Rgb::ONE; 20];
         let params = IterateParams { tolerance: 0.0, most: 100, bounces: Some(3), largest_albedo: 0.5 };
-        let (x, report) = solve(&apply, &b, &params);
+        let Ok((x, report)) = solve(&apply, &b, &params);
         // 1 + 0.5 + 0.25, rows sum to 0.5 within f32.
         assert!(report.converged && (x[4].x - 1.75).abs() < 1e-6, "{x:?}");
     }
 
     #[test]
     fn darkness_is_solved_at_once() {
-        let (x, report) = solve(
+        let Ok((x, report)) = solve(
             operator(5, 0.9),
             &[Rgb::ZERO; 5],
             &IterateParams { tolerance: 1e-6, most: 10, bounces: None, largest_albedo: 0.9 },

@@ -7,6 +7,8 @@ pub mod light;
 pub mod surplus;
 pub mod transport;
 
+use std::convert::Infallible;
+
 use glam::Mat3;
 use rayon::prelude::*;
 
@@ -16,7 +18,8 @@ use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
 use crate::links::lamps::Lamp;
-use crate::links::receivers::{Receivers, Spread};
+use crate::links::receivers::Receivers;
+use crate::links::spread::Spread;
 use crate::scene::Sky;
 use iterate::{IterateParams, IterateReport};
 use light::RowLight;
@@ -65,26 +68,36 @@ pub struct Solution {
 impl Problem<'_> {
     /// Solves for the light.
     pub fn solve(&self, params: &IterateParams) -> (Solution, IterateReport) {
-        self.solve_by(|radiosity| self.transport().gather(radiosity), params)
+        let gather = |radiosity: &[Rgb]| Ok::<_, Infallible>(self.gather(radiosity));
+        let Ok(solved) = self.solve_by(gather, params);
+        solved
+    }
+
+    /// Irradiance at receivers by their rows, from the sites' radiosity: one product with R.
+    pub fn gather(&self, radiosity: &[Rgb]) -> Vec<Rgb> {
+        self.transport().gather(radiosity)
     }
 
     fn transport(&self) -> Transport<'_> {
         Transport { receivers: self.receivers, spread: self.spread, albedo: self.albedo }
     }
 
-    /// Solves for the light with another map from the sites' radiosity to irradiance at receivers.
-    pub fn solve_by(
+    /// Solves for the light with another map from the sites' radiosity to irradiance at receivers, which may fail.
+    ///
+    /// # Errors
+    /// What `gather` says.
+    pub fn solve_by<E>(
         &self,
-        gather: impl Fn(&[Rgb]) -> Vec<Rgb>,
+        gather: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
         params: &IterateParams,
-    ) -> (Solution, IterateReport) {
+    ) -> Result<(Solution, IterateReport), E> {
         let transport = self.transport();
         let own = self.unreflected();
         let sky = self.sky_light();
-        let mut first = gather(&own);
+        let mut first = gather(&own)?;
         first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
         let (irradiance, report) =
-            iterate::solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params);
+            iterate::solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params)?;
         let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
@@ -96,7 +109,7 @@ impl Problem<'_> {
             solution.add(RowLight { irradiance, ..light });
         }
         solution.surplus = self.surplus(&solution);
-        (solution, report)
+        Ok((solution, report))
     }
 
     /// Radiosity of the sites before any interreflection: glow, and the lamps' light reflected once.

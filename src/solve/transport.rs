@@ -4,8 +4,9 @@ use rayon::prelude::*;
 
 use crate::light::Rgb;
 use crate::links::compress::merged::{Block, RUN};
-use crate::links::receivers::{Receivers, Spread};
+use crate::links::receivers::Receivers;
 use crate::links::rows::{BLACK, LOST, SKY};
+use crate::links::spread::Spread;
 
 /// The linear map from irradiance at receivers to irradiance at receivers, one bounce later.
 ///

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use glowtree::archive::{Archive, Block, Digest, Digests, Tag, Writer, partial_path, verify};
 use proptest::prelude::*;
@@ -124,7 +125,8 @@ fn a_repair_copies_what_is_whole() {
     bytes[damaged.start + 100] ^= 4;
     let archive = Archive::from_bytes(&bytes, "damaged").unwrap();
     let memory = super::faults::Memory::default();
-    let mut writer = Writer::create_in(Arc::new(memory.clone()), Path::new("links.glow"), KIND, digests()).unwrap();
+    let mut writer =
+        Writer::create_in(Arc::new(memory.clone()), Path::new("links.glow"), KIND, digests()).unwrap();
     let weights: Vec<f32> = (500..1000).map(|index| 1.0 / (1.0 + index as f32)).collect();
     for block in archive.all_blocks() {
         if block.recheck().is_err() {

@@ -2,6 +2,7 @@
 //! bytes of an undisturbed one.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glowtree::archive::{Archive, Digest, Digests, Writer, partial_path, verify};
 use glowtree::geometry::hash::mix2;

@@ -19,22 +19,27 @@ pub enum Signal {
 /// every hundred microseconds of work.
 pub trait Monitor: Sync {
     /// A stage begins. `total` counts its `unit`s ("triangles", "receivers", "bytes") when known.
-    fn start(&self, stage: &str, unit: &str, total: Option<u64>);
+    fn start(&self, _stage: &str, _unit: &str, _total: Option<u64>) {}
 
     /// That many more units are done.
-    fn advance(&self, amount: u64);
+    fn advance(&self, _amount: u64) {}
 
     /// The stage that ran is done.
-    fn finish(&self, stage: &StageTime);
+    fn finish(&self, _stage: &StageTime) {}
 
     /// Bytes that the job's files take now.
-    fn disk(&self, bytes: u64);
+    fn disk(&self, _bytes: u64) {}
+
+    /// Something that the user should know, that stops nothing and is no reason to worry: what is reused, what redone.
+    fn note(&self, _message: &str) {}
 
     /// Something the user should know and that stops nothing.
-    fn warn(&self, message: &str);
+    fn warn(&self, _message: &str) {}
 
     /// The signal that asked to stop, if one came.
-    fn interrupted(&self) -> Option<Signal>;
+    fn interrupted(&self) -> Option<Signal> {
+        None
+    }
 
     /// Errors with [`Error::Interrupted`] once a signal came: call it between blocks of work, at least every second.
     fn check(&self) -> Result<()> {
@@ -49,16 +54,7 @@ pub trait Monitor: Sync {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 
-impl Monitor for Silent {
-    fn start(&self, _: &str, _: &str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn finish(&self, _: &StageTime) {}
-    fn disk(&self, _: u64) {}
-    fn warn(&self, _: &str) {}
-    fn interrupted(&self) -> Option<Signal> {
-        None
-    }
-}
+impl Monitor for Silent {}
 
 /// A stage under way: announces itself, times itself and says so when done.
 pub struct Stage<'m> {
@@ -98,11 +94,6 @@ mod tests {
 
     struct Stopped;
     impl Monitor for Stopped {
-        fn start(&self, _: &str, _: &str, _: Option<u64>) {}
-        fn advance(&self, _: u64) {}
-        fn finish(&self, _: &StageTime) {}
-        fn disk(&self, _: u64) {}
-        fn warn(&self, _: &str) {}
         fn interrupted(&self) -> Option<Signal> {
             Some(Signal::Terminate)
         }

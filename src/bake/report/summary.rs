@@ -1,12 +1,11 @@
 //! What a bake reports when it is done, and the file that keeps it in the job.
 
-use std::fs;
-use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use super::usage::Usage;
+use crate::bake::job::read_side;
 use crate::error::{Error, Result};
 
 /// The file within the job directory that holds the summary.
@@ -62,43 +61,21 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Writes the summary into the job directory, whole or not at all (temporary name, sync, rename, sync of the
-    /// directory).
-    pub fn write(&self, job: &Path) -> Result<()> {
-        let path = job.join(SUMMARY_FILE);
-        let failed = |source: std::io::Error| Error::io(&path, "writing the summary", source);
-        let mut text = serde_json::to_vec_pretty(self).map_err(|e| failed(e.into()))?;
-        text.push(b'\n');
-        let mut file = tempfile::NamedTempFile::new_in(job).map_err(failed)?;
-        file.write_all(&text).and_then(|()| file.as_file().sync_all()).map_err(failed)?;
-        file.persist(&path).map_err(|e| failed(e.error))?;
-        fs::File::open(job).and_then(|directory| directory.sync_all()).map_err(failed)
-    }
-
     /// Reads the summary of a finished job. Errors: [`Error::NoJob`] when the file is absent, [`Error::Damaged`]
     /// when it does not parse.
     pub fn read(job: &Path) -> Result<Self> {
-        let path = job.join(SUMMARY_FILE);
-        let text = match fs::read(&path) {
-            Ok(text) => text,
-            Err(e)
-                if matches!(e.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) =>
-            {
-                return Err(Error::NoJob { job: job.to_path_buf() });
-            }
-            Err(e) => return Err(Error::io(path, "reading the summary", e)),
-        };
-        serde_json::from_slice(&text).map_err(|e| Error::Damaged {
-            file: path,
-            place: format!("line {}", e.line()),
-            problem: e.to_string(),
-        })
+        read_side(&job.join(SUMMARY_FILE))?.ok_or_else(|| Error::NoJob { job: job.to_path_buf() })
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::sync::Arc;
+
     use super::*;
+    use crate::archive::{Disk, Storage};
+    use crate::bake::job::write_side;
 
     fn sample() -> Summary {
         let stage = StageTime { name: "links".into(), seconds: 1.5, cpu_seconds: 2.9 };
@@ -108,7 +85,8 @@ mod tests {
     #[test]
     fn written_summaries_read_back() {
         let job = tempfile::tempdir().unwrap();
-        sample().write(job.path()).unwrap();
+        let storage: Arc<dyn Storage> = Arc::new(Disk);
+        write_side(&storage, &job.path().join(SUMMARY_FILE), &sample()).unwrap();
         assert_eq!(Summary::read(job.path()).unwrap(), sample());
     }
 

@@ -86,6 +86,13 @@ impl Meter {
     }
 }
 
+impl Meter {
+    /// Largest anonymous resident memory seen so far; cheap enough for every block.
+    pub fn peak_anonymous_bytes(&self) -> u64 {
+        self.peak_anonymous.load(Ordering::Relaxed)
+    }
+}
+
 impl Drop for Meter {
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Relaxed);

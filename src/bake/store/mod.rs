@@ -4,25 +4,27 @@ pub mod record;
 mod rows;
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use glam::{Mat3, Vec3};
 
-use crate::archive::{Archive, Digests, Tag, Writer};
+use crate::archive::{Archive, Digests, Ledger, Storage, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
 use crate::basis::Basis;
 use crate::error::{Error, Result};
 use crate::links::direct::{Direct, DirectParams, LampLink};
 use crate::links::lamps::{self, Lamp, LampTree};
-use crate::links::receivers::{Receivers, Spread};
+use crate::links::receivers::Receivers;
+use crate::links::spread::Spread;
 use crate::rays::Bvh;
-use crate::scatter::surface::{Piece, Surface};
+use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Plot, SiteArrays, Sites};
 use crate::solve::Solution;
 use crate::solve::field::FieldParams;
 use record::SceneRecord;
+use rows::Packed;
 
 const PROGRAM: &str = concat!("glowtree ", env!("CARGO_PKG_VERSION"));
 
@@ -45,14 +47,57 @@ pub struct StoreReport {
     pub blocks: u64,
 }
 
-/// Writes the model into the job directory, one file a stage.
-pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport> {
-    let mut report = StoreReport::default();
-    write_scene(model, job, digests, &mut report)?;
-    write_sites(model, job, digests, &mut report)?;
-    write_links(model, job, digests, &mut report)?;
-    write_light(model, job, digests, &mut report)?;
+/// Where a model's files go, and what they carry.
+#[derive(Clone, Copy)]
+pub struct Shelf<'a> {
+    /// What changes the disk.
+    pub storage: &'a Arc<dyn Storage>,
+    /// The job directory.
+    pub job: &'a Path,
+    /// What the files are made from.
+    pub digests: Digests,
+    /// Keeps rows that are encoded, which takes long.
+    pub ledger: &'a Ledger<'a>,
+}
+
+/// One of a job's files.
+type Write = fn(&mut Writer, &Model, &Packed) -> Result<()>;
+
+/// A job's files, in the order they are written.
+const FILES: [(&str, Write); 4] =
+    [("scene", write_scene), ("sites", write_sites), ("links", write_links), ("light", write_light)];
+
+/// Writes the model into the job directory, one file a stage; a file that is there already, made from the same, stays.
+///
+/// # Errors
+/// [`Error::DiskFull`], [`Error::Io`], and the ledger's.
+pub fn write(model: &Model, shelf: &Shelf<'_>) -> Result<StoreReport> {
+    let packed = rows::pack(model, shelf.ledger)?;
+    let mut report = StoreReport { links: packed.links, ..StoreReport::default() };
+    for (kind, write) in FILES {
+        let path = shelf.job.join(format!("{kind}.glow"));
+        if !is_there(&path, shelf.digests) {
+            let storage = Arc::clone(shelf.storage);
+            let mut writer = Writer::create_in(storage, &path, Tag::new(kind), shelf.digests)?;
+            write(&mut writer, model, &packed)?;
+            report.blocks += writer.entries().len() as u64;
+            writer.finish(&[("program", PROGRAM)])?;
+        }
+        let archive = Archive::open(&path)?;
+        report.archive_bytes += archive.bytes();
+        for block in archive.all_blocks() {
+            let entry = block.entry();
+            report.link_bytes += if entry.tag == tag("rows") { entry.stored_bytes } else { 0 };
+            let both = entry.tag == tag("rows") || entry.tag == tag("order");
+            report.row_bytes += if both { entry.stored_bytes } else { 0 };
+        }
+    }
     Ok(report)
+}
+
+/// Whether a finished file made from the same is there.
+fn is_there(path: &Path, digests: Digests) -> bool {
+    Archive::open(path).is_ok_and(|archive| archive.expect(digests.inputs, digests.options).is_ok())
 }
 
 /// What a reader wants to do with a model.
@@ -92,12 +137,6 @@ pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
     })
 }
 
-fn finish(writer: Writer, report: &mut StoreReport) -> Result<()> {
-    report.blocks += writer.entries().len() as u64;
-    report.archive_bytes += writer.finish(&[("program", PROGRAM)])?.bytes;
-    Ok(())
-}
-
 fn damaged(archive: &Archive, place: &str, problem: impl Into<String>) -> Error {
     Error::Damaged { file: archive.file().to_owned(), place: place.into(), problem: problem.into() }
 }
@@ -116,16 +155,10 @@ fn open(job: &Path, kind: &str) -> Result<Archive> {
     Ok(archive)
 }
 
-fn create(job: &Path, kind: &str, digests: Digests) -> Result<Writer> {
-    Writer::create(job.join(format!("{kind}.glow")), Tag::new(kind), digests)
-}
-
-fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+fn write_scene(w: &mut Writer, model: &Model, _: &Packed) -> Result<()> {
     let scene = &model.scene;
     let (tables, attributes) = record::record(scene);
-    let tables = rkyv::to_bytes::<rkyv::rancor::BoxedError>(&tables)
-        .map_err(|e| Error::Usage(format!("scene tables cannot be archived: {e}")))?;
-    let mut w = create(job, "scene", digests)?;
+    let tables = record::to_bytes(&tables)?;
     let triangles = 0..scene.triangles.len() as u64;
     w.append(tag("tables"), 0..1, &tables)?;
     w.append(tag("vertices"), 0..scene.vertices.len() as u64, &scene.vertices)?;
@@ -133,7 +166,7 @@ fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("attribs"), 0..attributes.len() as u64, &attributes)?;
     w.append(tag("branches"), triangles.clone(), model.bvh.view().branches())?;
     w.append(tag("packets"), triangles, model.bvh.view().packets())?;
-    finish(w, report)
+    Ok(())
 }
 
 fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
@@ -154,10 +187,9 @@ fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
     Ok((scene, bvh))
 }
 
-fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+fn write_sites(w: &mut Writer, model: &Model, _: &Packed) -> Result<()> {
     let a = &model.sites.to_arrays();
     let all = 0..a.positions.len() as u64;
-    let mut w = create(job, "sites", digests)?;
     w.append(tag("position"), all.clone(), &a.positions)?;
     w.append(tag("normal"), all.clone(), &a.normals)?;
     w.append(tag("area"), all.clone(), &a.areas)?;
@@ -165,7 +197,7 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("barycent"), all.clone(), &a.barycentrics)?;
     w.append(tag("level"), all.clone(), &a.levels)?;
     w.append(tag("spacing"), all.clone(), &a.spacings)?;
-    let plots: Vec<[u32; 7]> = model.plots.iter().map(plot_record).collect();
+    let plots: Vec<[u32; 7]> = model.plots.iter().map(Plot::to_words).collect();
     w.append(tag("plot"), 0..plots.len() as u64, &plots)?;
     let (offsets, neighbours, unclean) = model.graph.to_arrays();
     w.append(tag("graph_at"), all.clone(), offsets)?;
@@ -173,19 +205,7 @@ fn write_sites(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     w.append(tag("unclean"), all.clone(), &unclean)?;
     w.append(tag("albedo"), all.clone(), &model.albedo)?;
     w.append(tag("exitance"), all, &model.exitance)?;
-    finish(w, report)
-}
-
-/// A plot as words.
-fn plot_record(plot: &Plot) -> [u32; 7] {
-    let Piece { first, last, path, back, area } = plot.piece;
-    [first, last, path as u32, (path >> 32) as u32, u32::from(back), area.to_bits(), plot.spacing.to_bits()]
-}
-
-fn plot(&[first, last, low, high, back, area, spacing]: &[u32; 7]) -> Plot {
-    let path = u64::from(high) << 32 | u64::from(low);
-    let piece = Piece { first, last, path, back: back != 0, area: f32::from_bits(area) };
-    Plot { piece, spacing: f32::from_bits(spacing) }
+    Ok(())
 }
 
 fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
@@ -211,7 +231,7 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
         archive.array(tag("graph_to"))?.to_vec(),
         archive.array::<u8>(tag("unclean"))?,
     );
-    let plots = archive.array::<[u32; 7]>(tag("plot"))?.iter().map(plot).collect();
+    let plots = archive.array::<[u32; 7]>(tag("plot"))?.iter().map(Plot::from_words).collect();
     Ok((Sites::from_arrays(arrays), graph, plots))
 }
 
@@ -223,16 +243,14 @@ fn read_materials(job: &Path, sites: &Sites) -> Result<(Vec<Vec3>, Vec<Vec3>)> {
     Ok((albedo.to_vec(), exitance.to_vec()))
 }
 
-fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+fn write_links(w: &mut Writer, model: &Model, packed: &Packed) -> Result<()> {
     let sites = 0..model.sites.len() as u64;
-    let mut w = create(job, "links", digests)?;
-    write_lamp_links(&mut w, &model.direct)?;
-    rows::write(&mut w, model, report)?;
+    write_lamp_links(w, &model.direct)?;
+    rows::write(w, model, packed)?;
     w.append(tag("fit_at"), sites.clone(), &model.spread.offsets)?;
     w.append(tag("fit_to"), sites.clone(), &model.spread.receivers)?;
     w.append(tag("fit_by"), sites, &model.spread.weights)?;
-    write_basis(&mut w, model.basis())?;
-    finish(w, report)
+    write_basis(w, model.basis())
 }
 
 /// The basis by its place in [`Basis::ALL`]; nothing for the default, as before there was a choice.
@@ -250,14 +268,9 @@ fn read_basis(archive: &Archive) -> Result<Basis> {
     known.copied().ok_or_else(|| damaged(archive, "basis", format!("expected a known basis, got {number:?}")))
 }
 
-/// The bit of a link's cluster that says penumbra.
-const PENUMBRA: u32 = 1 << 31;
-
 fn write_lamp_links(w: &mut Writer, direct: &Direct) -> Result<()> {
     let (sites, links) = (0..direct.offsets.len() as u64, 0..direct.links.len() as u64);
-    let cluster = |l: &LampLink| l.cluster | if l.penumbra { PENUMBRA } else { 0 };
-    let clusters: Vec<u32> = direct.links.iter().map(cluster).collect();
-    let factors: Vec<[f32; 2]> = direct.links.iter().map(|l| [l.visibility, l.coupling]).collect();
+    let (clusters, factors): (Vec<u32>, Vec<[f32; 2]>) = direct.links.iter().map(LampLink::to_words).unzip();
     w.append(tag("lamp_at"), sites, &direct.offsets)?;
     w.append(tag("lamp_to"), links.clone(), &clusters)?;
     w.append(tag("lamp_by"), links, &factors)?;
@@ -274,19 +287,12 @@ fn read_lamp_links(archive: &Archive, sites: &Sites, (scene, lamps): (&Scene, &[
     if !offsets.is_sorted() || offsets.last() != Some(&(clusters.len() as u32)) {
         return Err(damaged(archive, "lamp_at", "offsets out of range"));
     }
-    if clusters.iter().any(|&c| (c & !PENUMBRA) as usize >= tree.clusters.len()) {
+    let links: Vec<LampLink> = clusters.iter().zip(factors).map(LampLink::from_words).collect();
+    if links.iter().any(|link| link.cluster as usize >= tree.clusters.len()) {
         let problem = format!("expected clusters below {}", tree.clusters.len());
         return Err(damaged(archive, "lamp_to", problem));
     }
-    let link = |(&c, &[visibility, coupling]): (&u32, &[f32; 2])| LampLink {
-        cluster: c & !PENUMBRA,
-        visibility,
-        coupling,
-        penumbra: c & PENUMBRA != 0,
-    };
-    let links = clusters.iter().zip(factors).map(link).collect();
-    let sky = scene.sky.as_ref().map(|sky| sky.split().0);
-    Ok(Direct { tree, offsets, links, sky, rays: 0 })
+    Ok(Direct::from_links(scene, lamps, (offsets, links)))
 }
 
 fn read_links(
@@ -314,11 +320,10 @@ fn read_links(
     Ok((direct, receivers, spread))
 }
 
-fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
+fn write_light(w: &mut Writer, model: &Model, _: &Packed) -> Result<()> {
     let s = &model.solution;
     let receivers = 0..model.receivers.len() as u64;
     let gradient: Vec<[f32; 9]> = s.gradient.iter().map(Mat3::to_cols_array).collect();
-    let mut w = create(job, "light", digests)?;
     w.append(tag("irradian"), receivers.clone(), &s.irradiance)?;
     w.append(tag("gradient"), receivers.clone(), &gradient)?;
     w.append(tag("sky_seen"), receivers.clone(), &s.sky_visibility)?;
@@ -330,7 +335,7 @@ fn write_light(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     let field = [direct.first, direct.penumbra, seed[0], seed[1], rays, most_rays];
     w.append(tag("field"), 0..1, &field)?;
     w.append(tag("radiosit"), 0..s.radiosity.len() as u64, &s.radiosity)?;
-    finish(w, report)
+    Ok(())
 }
 
 fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solution, FieldParams)> {

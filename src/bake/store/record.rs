@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use glam::{DVec3, Mat3, Vec2, Vec3};
 
+use crate::archive::Digest;
+use crate::error::{Error, Result};
 use crate::scene::{Albedo, Camera, Lamp, LampKind, Mesh, Placement, Scene, Sky, Texture, Warning};
 
 /// Everything of a scene but its vertices and triangles. Ranges index the job's flat arrays.
@@ -128,6 +130,28 @@ pub fn record(scene: &Scene) -> (SceneRecord, Vec<Vec3>) {
         warnings: scene.warnings.iter().map(|w| (w.file.display().to_string(), w.message.clone())).collect(),
     };
     (record, flat.flat)
+}
+
+/// A digest of all that changes the light and the pictures of a scene without changing its geometry: albedos, emission,
+/// sky, lamps, cameras, names; not where its files lie.
+///
+/// # Errors
+/// [`Error::Usage`] when the tables cannot be archived.
+pub fn light_digest(scene: &Scene) -> Result<Digest> {
+    let (mut tables, flat) = record(scene);
+    tables.meshes.iter_mut().for_each(|mesh| mesh.file.clear());
+    tables.warnings.clear();
+    let tables = to_bytes(&tables)?;
+    Ok(Digest::of_digests(&[Digest::of_bytes(&tables), Digest::of_bytes(bytemuck::cast_slice(&flat))]))
+}
+
+/// The tables as rkyv archives them.
+///
+/// # Errors
+/// [`Error::Usage`].
+pub fn to_bytes(tables: &SceneRecord) -> Result<rkyv::util::AlignedVec> {
+    rkyv::to_bytes::<rkyv::rancor::BoxedError>(tables)
+        .map_err(|e| Error::Usage(format!("scene tables cannot be archived: {e}")))
 }
 
 fn mesh_record(mesh: &Mesh, flat: &mut Attributes) -> MeshRecord {

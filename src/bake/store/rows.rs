@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::{Purpose, StoreReport, damaged, same_length, tag};
-use crate::archive::{Archive, Block, Encoded, Writer};
+use super::{Purpose, damaged, same_length, tag};
+use crate::archive::{Archive, Block, Encoded, Ledger, One, Writer};
 use crate::bake::model::Model;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
@@ -27,7 +27,7 @@ const LINKS_CODEC: u16 = 3;
 const ORDER_CODEC: u16 = 4;
 
 /// Writes receivers and rows.
-pub(super) fn write(w: &mut Writer, model: &Model, report: &mut StoreReport) -> Result<()> {
+pub(super) fn write(w: &mut Writer, model: &Model, packed: &Packed) -> Result<()> {
     let receivers = &model.receivers;
     let (tables, supports) = (receivers.tables().map(|(_, rows)| rows), receivers.index.supports());
     let all = 0..receivers.len() as u64;
@@ -43,34 +43,47 @@ pub(super) fn write(w: &mut Writer, model: &Model, report: &mut StoreReport) -> 
     w.append(tag("point"), all.clone(), &points)?;
     w.append(tag("row_key"), all.clone(), &keys)?;
     w.append(tag("row_sums"), all, &counts)?;
-    for (first, rows) in receivers.tables() {
-        let view = View { supports: &supports[first..], positions: &model.sites.positions };
-        write_table(w, view, (first, rows), report)?;
+    for PackedBlock { rows, raw_bytes, links, order } in &packed.blocks {
+        let encoded = |codec, bytes| Encoded { codec, width_bytes: 4, raw_bytes: *raw_bytes, bytes };
+        w.append_bytes(tag("rows"), rows.clone(), encoded(LINKS_CODEC, links))?;
+        w.append_bytes(tag("order"), rows.clone(), encoded(ORDER_CODEC, order))?;
     }
     Ok(())
 }
 
-/// Rows in blocks, links and order each; `before` rows are in other tables.
-fn write_table(
-    w: &mut Writer,
-    view: View<'_>,
-    (before, rows): (usize, &Rows),
-    report: &mut StoreReport,
-) -> Result<()> {
-    for first in (0..rows.len()).step_by(BLOCK_ROWS) {
-        let last = (first + BLOCK_ROWS).min(rows.len());
-        let (links, number) = merged::encode(rows, (first, last));
-        let order = order::encode(view, rows, (first, last));
-        report.links += number;
-        report.link_bytes += links.len() as u64;
-        report.row_bytes += (links.len() + order.len()) as u64;
-        let raw_bytes = (last - first) as u64 * u64::from(rows.rays) * 4;
-        let range = (before + first) as u64..(before + last) as u64;
-        let encoded = |codec, bytes| Encoded { codec, width_bytes: 4, raw_bytes, bytes };
-        w.append_bytes(tag("rows"), range.clone(), encoded(LINKS_CODEC, &links))?;
-        w.append_bytes(tag("order"), range, encoded(ORDER_CODEC, &order))?;
+/// Rows as they are stored.
+pub(super) struct Packed {
+    blocks: Vec<PackedBlock>,
+    /// Links: pairs of a receiver and a site that some of its rays met.
+    pub links: u64,
+}
+
+struct PackedBlock {
+    rows: Range<u64>,
+    raw_bytes: u64,
+    links: Vec<u8>,
+    order: Vec<u8>,
+}
+
+/// Encodes both tables of rows, block by block: no block has rows of both.
+pub(super) fn pack(model: &Model, ledger: &Ledger<'_>) -> Result<Packed> {
+    let mut packed = Packed { blocks: Vec::new(), links: 0 };
+    let supports = model.receivers.index.supports();
+    for (before, rows) in model.receivers.tables() {
+        let view = View { supports: &supports[before..], positions: &model.sites.positions };
+        for first in (0..rows.len()).step_by(BLOCK_ROWS) {
+            let last = (first + BLOCK_ROWS).min(rows.len());
+            let range = (before + first) as u64..(before + last) as u64;
+            let (links, order, One(count)) = ledger.keep(tag("packed"), range.clone(), || {
+                let (links, count) = merged::encode(rows, (first, last));
+                Ok((links, order::encode(view, rows, (first, last)), One(count)))
+            })?;
+            let raw_bytes = (last - first) as u64 * u64::from(rows.rays) * 4;
+            packed.blocks.push(PackedBlock { rows: range, raw_bytes, links, order });
+            packed.links += count;
+        }
     }
-    Ok(())
+    Ok(packed)
 }
 
 /// Reads receivers, and rows if the purpose asks for them.

@@ -6,16 +6,17 @@ pub mod refine;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::archive::{Ledger, One, Tag};
 use crate::bake::laws::Plan;
 use crate::bake::model::materials;
-use crate::bake::report::progress::Monitor;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::links::Surroundings;
-use crate::links::direct::Direct;
+use crate::links::direct::{Direct, LampLink};
 use crate::links::lamps::Lamp;
-use crate::links::receivers::{Receivers, Spread};
+use crate::links::receivers::Receivers;
+use crate::links::spread::Spread;
 use crate::rays::Bvh;
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
@@ -64,26 +65,43 @@ impl Layout {
     /// Lays sites out by a spacing and looks at the lamps from them.
     ///
     /// # Errors
-    /// [`Error::Interrupted`](crate::error::Error::Interrupted) between its steps.
+    /// The ledger's.
     pub fn new(
         grounds: Grounds<'_>,
         plan: &Plan,
-        (sites, heard): (&SiteParams, &[Candidate]),
+        (params, heard): (&SiteParams, &[Candidate]),
         spacing: impl Fn(&Candidate) -> Option<f32> + Sync,
-        monitor: &dyn Monitor,
+        ledger: &Ledger<'_>,
     ) -> Result<Self> {
         let Grounds { scene, bvh, surface, lamps, glowing } = grounds;
-        let (sites, plots, samples) = Sites::scatter(surface, sites, heard, spacing);
-        monitor.check()?;
-        let (graph, linked) = Neighbours::link(&sites, bvh);
-        monitor.check()?;
+        let (arrays, plots) = ledger.keep(Tag::new("sites"), 0..0, || {
+            let (arrays, plots) = Sites::grow(surface, params, heard, spacing);
+            // Who asks to stop got no sites.
+            ledger.pause()?;
+            Ok((arrays, plots.iter().map(Plot::to_words).collect::<Vec<_>>()))
+        })?;
+        let plots: Vec<Plot> = plots.iter().map(Plot::from_words).collect();
+        let (sites, samples) = Sites::settle(arrays, surface, &plots, params.seed);
+        let all = 0..sites.len() as u64;
+        let (starts, targets, unclean, One(linked)) = ledger.keep(Tag::new("graph"), all.clone(), || {
+            let (graph, report) = Neighbours::link(&sites, bvh);
+            let (starts, targets, unclean) = graph.to_arrays();
+            Ok((starts.to_vec(), targets.to_vec(), unclean, One(report.ray_count as u64)))
+        })?;
+        let graph = Neighbours::from_arrays(starts, targets, &unclean);
         let cells = Cells::new(surface, &plots);
         let means = means(&sites, &samples);
         let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
         let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
-        let direct = Direct::look(around, &samples, lamps, &plan.direct);
-        let rays = linked.ray_count as u64 + direct.rays;
-        Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays })
+        let (offsets, clusters, factors, One(looked)) = ledger.keep(Tag::new("lamps"), all, || {
+            let direct = Direct::look(around, &samples, lamps, &plan.direct);
+            let (clusters, factors): (Vec<u32>, Vec<[f32; 2]>) =
+                direct.links.iter().map(LampLink::to_words).unzip();
+            Ok((direct.offsets, clusters, factors, One(direct.rays)))
+        })?;
+        let links = Iterator::zip(clusters.iter(), &factors).map(LampLink::from_words).collect();
+        let direct = Direct::from_links(scene, lamps, (offsets, links));
+        Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays: linked + looked })
     }
 
     /// The rays' world.

@@ -1,8 +1,8 @@
 //! The loop that adds receivers where leaving one out would be missed, until what is left fits the error budget.
 
 use super::Work;
+use crate::archive::Ledger;
 use crate::bake::laws::Plan;
-use crate::bake::report::progress::Monitor;
 use crate::error::Result;
 use crate::light::mean_channel;
 use crate::links::receivers::Receivers;
@@ -30,42 +30,56 @@ const PLACED_PER_SPLIT: usize = 2;
 const MADE_BY_SPLIT: usize = 5;
 
 /// Splits receivers until the error of interpolation is within its budget; the solution is carried along.
-pub fn refine(work: &mut Work<'_>, plan: &Plan, monitor: &dyn Monitor) -> Result<()> {
+///
+/// # Errors
+/// The ledger's.
+pub fn refine(work: &mut Work<'_>, plan: &Plan, ledger: &Ledger<'_>) -> Result<()> {
     let most = work.receivers.len() + work.receivers.len() / PLACED_PER_SPLIT;
     for _ in 0..plan.passes {
-        monitor.check()?;
+        ledger.pause()?;
         let room = (most.saturating_sub(work.receivers.len()) / MADE_BY_SPLIT).min(work.receivers.len() / 4);
         let chosen = choose(&work.problem(), &work.solution, (plan.interpolation, room));
         if chosen.is_empty() {
             break;
         }
         let seed = plan.receivers.rows.seed ^ 0x511;
-        extend(work, |around, receivers| refine::split(around, receivers, &chosen, seed));
+        let split = |around: Surroundings<'_>, receivers: &mut Receivers| {
+            refine::split(around, receivers, (&chosen, seed), ledger)
+        };
+        extend(work, split, ledger)?;
     }
     // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own. What is wrong with
     // single sites mostly averages out over a row, as the noise of short rows does.
     // What is left after the first pass sees no receiver at all.
     for limit in [plan.site_error, f64::INFINITY] {
-        monitor.check()?;
+        ledger.pause()?;
         let chosen = work.problem().doubtful_sites(&work.solution, limit);
         if chosen.is_empty() {
             break;
         }
         let params = RowParams { rays: plan.own_rays, seed: plan.receivers.rows.seed ^ 0x0a5 };
-        extend(work, |around, receivers| refine::own(around, receivers, &chosen, params));
+        let own = |around: Surroundings<'_>, receivers: &mut Receivers| {
+            refine::own(around, receivers, (&chosen, params), ledger)
+        };
+        extend(work, own, ledger)?;
     }
     Ok(())
 }
 
 /// Adds receivers, lets sites know and carries the solution along.
-fn extend(work: &mut Work<'_>, add: impl FnOnce(Surroundings<'_>, &mut Receivers)) {
+fn extend(
+    work: &mut Work<'_>,
+    add: impl FnOnce(Surroundings<'_>, &mut Receivers) -> Result<()>,
+    ledger: &Ledger<'_>,
+) -> Result<()> {
     let first = work.receivers.len();
     let around = work.layout.around(work.grounds);
-    add(around, &mut work.receivers);
-    work.spread.update(around, &work.receivers, &work.layout.means, first);
+    add(around, &mut work.receivers)?;
+    work.spread.update(around, (&work.receivers, &work.layout.means), first, ledger)?;
     let fresh = work.problem().row_lights(first..work.receivers.len(), &work.solution.radiosity);
     fresh.into_iter().for_each(|light| work.solution.add(light));
     work.solution.surplus = work.problem().surplus(&work.solution);
+    Ok(())
 }
 
 /// The receivers whose splitting lowers the error most, as many as it takes to come within the budget (a relative RMS

@@ -8,6 +8,11 @@ use serde::Serialize;
 pub enum Line<'a> {
     /// Where a running stage is.
     Status(&'a Status),
+    /// What is reused and what is made anew.
+    Note {
+        /// What.
+        message: &'a str,
+    },
     /// Something the user should know and that stops nothing.
     Warning {
         /// What.

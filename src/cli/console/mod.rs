@@ -181,6 +181,15 @@ impl Monitor for Console {
         self.shared.disk.store(bytes, Ordering::Relaxed);
     }
 
+    fn note(&self, message: &str) {
+        if self.shared.json {
+            // As for warnings.
+            let _ = print(json::text(&Line::Note { message }).as_bytes());
+        } else if !self.shared.quiet {
+            self.shared.say("note", "36", message);
+        }
+    }
+
     fn warn(&self, message: &str) {
         if self.shared.json {
             // Whoever closed the pipe does not want to know.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::bake::{self, Options, pictures};
+use crate::bake::{self, Options};
 use crate::cli::arguments::Bake;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_seconds};
@@ -27,13 +27,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         restart: request.restart,
         preview: !request.no_preview,
     };
-    let mut summary = bake::run(&request.scene, &job, &options, console)?;
-    if options.preview && !pictures::present(&job) {
-        let stages = pictures::of_job(&job, console)?;
-        summary.usage.seconds += stages.iter().map(|stage| stage.seconds).sum::<f64>();
-        summary.usage.cpu_seconds += stages.iter().map(|stage| stage.cpu_seconds).sum::<f64>();
-        summary.stages.extend(stages);
-    }
+    let summary = bake::run(&request.scene, &job, &options, console)?;
     let report = if summary.computed_blocks == 0 && summary.resumed_blocks > 0 {
         format!("{}: nothing left to do\n", job.display())
     } else {

@@ -3,7 +3,7 @@
 use crate::bake::laws::Plan;
 use crate::bake::model::Model;
 use crate::bake::pipeline::{self, PipelineReport, Target};
-use crate::bake::{Monitor, Signal, StageTime};
+use crate::bake::{Monitor, Signal};
 use crate::basis::Basis;
 use crate::compare::known::points_on;
 use crate::error::Result;
@@ -18,11 +18,6 @@ use crate::scene::Scene;
 pub struct Within<'m>(pub &'m dyn Monitor);
 
 impl Monitor for Within<'_> {
-    fn start(&self, _: &str, _: &str, _: Option<u64>) {}
-    fn advance(&self, _: u64) {}
-    fn finish(&self, _: &StageTime) {}
-    fn disk(&self, _: u64) {}
-    fn warn(&self, _: &str) {}
     fn interrupted(&self) -> Option<Signal> {
         self.0.interrupted()
     }

@@ -13,7 +13,7 @@ mod point;
 use super::lamps::{Lamp, LampTree};
 use crate::geometry::{SurfacePoint, hash};
 use crate::light::Rgb;
-use crate::scene::Sky;
+use crate::scene::{Scene, Sky};
 
 /// How many shadow rays the lamps get.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +39,21 @@ pub struct LampLink {
     pub penumbra: bool,
 }
 
+/// The bit of a link's first word that says penumbra.
+const PENUMBRA: u32 = 1 << 31;
+
+impl LampLink {
+    /// As cluster and penumbra, visibility and coupling; for storage.
+    pub fn to_words(&self) -> (u32, [f32; 2]) {
+        (self.cluster | if self.penumbra { PENUMBRA } else { 0 }, [self.visibility, self.coupling])
+    }
+
+    /// From what [`LampLink::to_words`] gave.
+    pub fn from_words((&cluster, &[visibility, coupling]): (&u32, &[f32; 2])) -> Self {
+        Self { cluster: cluster & !PENUMBRA, visibility, coupling, penumbra: cluster & PENUMBRA != 0 }
+    }
+}
+
 /// All lamps as the sites see them.
 #[derive(Debug, Clone, Default)]
 pub struct Direct {
@@ -55,6 +70,12 @@ pub struct Direct {
 }
 
 impl Direct {
+    /// Links that were made from these lamps before: sites + 1 offsets, and the links.
+    pub fn from_links(scene: &Scene, lamps: &[Lamp], (offsets, links): (Vec<u32>, Vec<LampLink>)) -> Self {
+        let sky = scene.sky.as_ref().map(|sky| sky.split().0);
+        Self { tree: LampTree::new(lamps), offsets, links, sky, rays: 0 }
+    }
+
     /// The links of a site.
     pub fn of(&self, site: usize) -> &[LampLink] {
         &self.links[self.offsets[site] as usize..self.offsets[site + 1] as usize]

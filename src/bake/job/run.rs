@@ -1,0 +1,281 @@
+//! A bake from the command to the finished job: what is there is reused, what is not is made.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::Serialize;
+
+use super::journal::{self, Work};
+use super::{Budget, Change, INPUTS_FILE, Inputs, Lock, OPTIONS_FILE, relit, side};
+use crate::archive::{Digest, Digests, Disk, Ledger, Storage};
+use crate::bake::model::Model;
+use crate::bake::options::Options;
+use crate::bake::pictures;
+use crate::bake::pipeline::{self, PipelineReport, Stand, Target};
+use crate::bake::report::progress::{Monitor, Stage};
+use crate::bake::report::summary::{SUMMARY_FILE, StageTime, Summary};
+use crate::bake::report::usage::Meter;
+use crate::bake::store::{self, Shelf};
+use crate::error::{Error, Result};
+use crate::scene::{self, Scene};
+
+/// Bakes a scene into a job directory, goes on where an earlier run was interrupted, or finds that nothing is left to do.
+///
+/// Deterministic: the job's archives and pictures are the same bytes for any number of threads and interruptions.
+///
+/// # Errors
+/// [`Error::JobDiffers`] when the directory holds a job of other options or geometry, [`Error::JobLocked`] when another
+/// process works on it, [`Error::Interrupted`] with all that is done kept; every error of reading the scene and of
+/// writing the job.
+pub fn run(scene_path: &Path, job: &Path, options: &Options, monitor: &dyn Monitor) -> Result<Summary> {
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    run_in(&storage, (scene_path, job), options, monitor)
+}
+
+/// As [`run`], on another storage.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_in(
+    storage: &Arc<dyn Storage>,
+    (scene_path, job): (&Path, &Path),
+    options: &Options,
+    monitor: &dyn Monitor,
+) -> Result<Summary> {
+    let meter = Meter::start();
+    let budget = Budget::new(options.max_memory_bytes);
+    let bake = Bake { storage, scene_path, options, monitor, meter: &meter, budget };
+    let fresh = !job.exists();
+    let outcome = bake.run(job);
+    if fresh && outcome.is_err() {
+        // A folder in which nothing was begun goes again; one that holds anything stays.
+        let _ = fs::remove_dir(job);
+    }
+    outcome
+}
+
+/// What a job's archives carry: digests of the scene's content, and of the options and the program that made them.
+///
+/// # Errors
+/// [`Error::Usage`] for options that cannot be recorded.
+pub fn digests(inputs: &Inputs, options: &Options) -> Result<Digests> {
+    let options = Digest::of_options(&(options, env!("CARGO_PKG_VERSION")))?;
+    Ok(Digests { inputs: inputs.digest()?, options })
+}
+
+/// What a bake of the same scene would have to do again, in words; None when nothing has changed.
+///
+/// # Errors
+/// Those of reading the job's side files and the scene.
+pub fn standing(job: &Path) -> Result<Option<String>> {
+    let Some(inputs) = side::read::<Inputs>(&job.join(INPUTS_FILE))? else { return Ok(None) };
+    let Some((scene_path, _)) = inputs.files.first() else { return Ok(None) };
+    if !scene_path.exists() {
+        return Ok(Some(format!("{} is gone", scene_path.display())));
+    }
+    let now = Inputs::of(scene_path, &scene::load(scene_path)?)?;
+    Ok(match inputs.change(&now) {
+        Change::Nothing => None,
+        Change::Light(what) => Some(format!("{what}: lights or albedos, a bake redoes the solution")),
+        Change::Geometry(what) => Some(format!("{what}: geometry, a bake redoes everything")),
+    })
+}
+
+/// What one command was asked, and who watches.
+struct Bake<'a> {
+    storage: &'a Arc<dyn Storage>,
+    scene_path: &'a Path,
+    options: &'a Options,
+    monitor: &'a dyn Monitor,
+    meter: &'a Meter,
+    budget: Budget,
+}
+
+/// A scene that was read for this run.
+struct Subject {
+    scene: Scene,
+    inputs: Inputs,
+    read: StageTime,
+}
+
+impl Bake<'_> {
+    fn run(&self, job: &Path) -> Result<Summary> {
+        let made = self.storage.create_directory(job);
+        made.map_err(|e| Error::io(job, "making the job directory", e))?;
+        let mut lock = Lock::take(job, self.monitor)?;
+        let restart = self.options.restart && job.join(OPTIONS_FILE).exists();
+        if restart {
+            return self.replace(job, &mut lock, self.subject()?, None);
+        }
+        let stored = side::read::<Options>(&job.join(OPTIONS_FILE))?;
+        let differs = |difference| Error::JobDiffers { job: job.into(), difference };
+        if let Some(difference) = stored.and_then(|stored| self.options.difference(&stored)) {
+            return Err(differs(difference));
+        }
+        let subject = self.subject()?;
+        let before = side::read::<Inputs>(&job.join(INPUTS_FILE))?;
+        let finished = job.join(SUMMARY_FILE).exists();
+        match before.map_or(Change::Nothing, |before| before.change(&subject.inputs)) {
+            Change::Geometry(what) => Err(differs(what)),
+            Change::Light(what) if finished => {
+                self.monitor.note(&format!(
+                    "{what}: lights or albedos; sites and rows stay, the light is found anew"
+                ));
+                self.replace(job, &mut lock, subject, Some(job))
+            }
+            Change::Nothing if finished => self.again(job),
+            change => {
+                if let Change::Light(what) = change {
+                    self.monitor.note(&format!("{what}: lights or albedos; the unfinished bake begins anew"));
+                }
+                self.bake(job, subject, None)
+            }
+        }
+    }
+
+    fn subject(&self) -> Result<Subject> {
+        let stage = Stage::start(self.monitor, "scene", "files", None);
+        let scene = scene::load(self.scene_path)?;
+        for warning in &scene.warnings {
+            self.monitor.warn(&format!("{}: {}", warning.file.display(), warning.message));
+        }
+        let inputs = Inputs::of(self.scene_path, &scene)?;
+        stage.advance(inputs.files.len() as u64)?;
+        self.budget.check(self.meter)?;
+        Ok(Subject { scene, inputs, read: stage.finish() })
+    }
+
+    /// A job that is finished and was asked the same: at most its pictures are missing.
+    fn again(&self, job: &Path) -> Result<Summary> {
+        let mut summary = Summary::read(job)?;
+        (summary.resumed_blocks, summary.computed_blocks) =
+            (summary.computed_blocks + summary.resumed_blocks, 0);
+        if self.options.preview && !pictures::present(job) {
+            let model = store::read(job, store::Purpose::Answers)?;
+            let pause = || self.monitor.check();
+            summary.stages.extend(pictures::write(job, &model, (self.monitor, &Ledger::idle(&pause)))?);
+            summary.usage = self.meter.usage();
+        }
+        journal::clear(self.storage, job)?;
+        Ok(summary)
+    }
+
+    /// Bakes into a directory beside the job, which takes the job's place when it is finished. With `old`, that job's R is
+    /// taken over.
+    fn replace(&self, job: &Path, lock: &mut Lock, subject: Subject, old: Option<&Path>) -> Result<Summary> {
+        let mut name = job.as_os_str().to_owned();
+        name.push(".new");
+        let beside = PathBuf::from(name);
+        let failed = |action: &'static str| move |e| Error::io(job, action, e);
+        self.storage.create_directory(&beside).map_err(failed("making a directory beside it"))?;
+        let mut lock_beside = Lock::take(&beside, self.monitor)?;
+        let summary = match old {
+            // An unfinished one is gone on with if it is the same.
+            Some(_) => self.bake(&beside, subject, old)?,
+            None => self.bake(&beside, subject, None)?,
+        };
+        self.storage.exchange(job, &beside).map_err(failed("putting the new job in its place"))?;
+        lock.moved(&beside);
+        lock_beside.moved(job);
+        self.storage.remove_directory(&beside).map_err(failed("removing what it replaces"))?;
+        Ok(summary)
+    }
+
+    fn bake(&self, job: &Path, subject: Subject, old: Option<&Path>) -> Result<Summary> {
+        let Subject { scene, inputs, read } = subject;
+        let digests = digests(&inputs, self.options)?;
+        self.record(job, OPTIONS_FILE, self.options)?;
+        self.record(job, INPUTS_FILE, &inputs)?;
+        let pause = || {
+            self.monitor.check()?;
+            self.budget.check(self.meter)
+        };
+        let work = Work::resume(self.storage, job, digests, (&pause, self.monitor))?;
+        let counts = (scene.triangles.len() as u64, scene.vertices.len() as u64);
+        let mut stages = vec![read];
+        let (model, report) = self.model(scene, old, &work, &mut stages)?;
+        let stage = Stage::start(self.monitor, "store", "bytes", None);
+        let ledger = work.ledger("store")?;
+        let shelf = Shelf { storage: self.storage, job, digests, ledger: &ledger };
+        let stored = store::write(&model, &shelf)?;
+        self.monitor.disk(stored.archive_bytes);
+        stages.extend(report.stages.iter().cloned());
+        stages.push(stage.finish());
+        if self.options.preview && !pictures::present(job) {
+            stages.extend(pictures::write(job, &model, (self.monitor, &work.ledger("mesh")?))?);
+        }
+        pause()?;
+        let summary = Summary {
+            usage: self.meter.usage(),
+            stages,
+            resumed_blocks: work.counts().resumed(),
+            computed_blocks: work.counts().computed() + stored.blocks,
+            ..figures(&model, counts, &report, &stored)
+        };
+        side::write(self.storage, &job.join(SUMMARY_FILE), &summary)?;
+        drop(ledger);
+        drop(work);
+        journal::clear(self.storage, job)?;
+        Ok(summary)
+    }
+
+    /// From the scene, or from another job's R.
+    fn model(
+        &self,
+        scene: Scene,
+        old: Option<&Path>,
+        work: &Work<'_>,
+        stages: &mut Vec<StageTime>,
+    ) -> Result<(Model, PipelineReport)> {
+        if let Some(old) = old {
+            return relit::solve(old, scene, self.options, (self.monitor, &work.ledger("relit")?));
+        }
+        let Options { error, seed, basis, operator, .. } = *self.options;
+        let bounces = self.options.max_bounces.map(|n| n as usize);
+        let target = Target { error, seed, bounces, basis, operator };
+        self.budget.ask("the ray engine", Stand::bytes(&scene))?;
+        let (stand, built) = Stand::new(scene, self.monitor)?;
+        stages.push(built);
+        let (model, _, report) = pipeline::reach_kept(stand, &target, self.monitor, work)?;
+        Ok((model, report))
+    }
+
+    /// Writes a side file unless it says so already.
+    fn record<T: Serialize + PartialEq + serde::de::DeserializeOwned>(
+        &self,
+        job: &Path,
+        name: &str,
+        value: &T,
+    ) -> Result<()> {
+        let path = job.join(name);
+        if side::read::<T>(&path).is_ok_and(|there| there.as_ref() == Some(value)) {
+            return Ok(());
+        }
+        side::write(self.storage, &path, value)
+    }
+}
+
+/// The figures of a summary that the run itself has no part in.
+fn figures(
+    model: &Model,
+    (triangles, vertices): (u64, u64),
+    report: &PipelineReport,
+    stored: &store::StoreReport,
+) -> Summary {
+    Summary {
+        triangles,
+        vertices,
+        sites: model.sites.len() as u64,
+        levels: model.sites.level_count() as u32,
+        links: stored.links,
+        rays: report.rays,
+        archive_bytes: stored.archive_bytes,
+        bytes_per_link: stored.row_bytes as f64 / stored.links.max(1) as f64,
+        estimated_error: report.estimate.error,
+        iterations: report.iterate.iterations as u32,
+        residual: report.iterate.residual,
+        converged: report.iterate.converged,
+        ..Summary::default()
+    }
+}
