@@ -24,7 +24,7 @@ pub struct Options {
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
-    /// Throw away what the job directory holds and begin again.
+    /// Bake anew; what the job directory holds is kept until the new job is complete.
     #[serde(skip)]
     pub restart: bool,
     /// Write `preview.png` and `mesh.ply` into the job when done.

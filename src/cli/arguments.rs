@@ -93,7 +93,7 @@ pub enum Verb {
     Man,
 }
 
-const EXIT_CODES: &str = "Interrupted, or out of disk, the same command again begins the bake anew; finished jobs are kept.\n\
+const EXIT_CODES: &str = "Interrupted, out of disk or killed, the same command again goes on where it was.\n\
     Exit codes: 0 done, 1 other error, 2 usage, 3 job exists with other inputs or options, 4 input invalid, \
     6 over --max-memory, 7 disk full, 8 input/output error, 9 archive damaged, 10 no such job, 11 job locked, \
     12 not converged, 130/143 interrupted.";
@@ -116,7 +116,7 @@ pub struct Bake {
     #[arg(long, value_name = "SHARE", default_value = "2%", value_parser = values::share)]
     pub error: f64,
     /// Anonymous memory to stay within, as 4GiB, 500MB or bytes
-    #[arg(long, value_name = "SIZE", value_parser = values::bytes, hide = true)]
+    #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
     pub max_memory: Option<u64>,
     /// Follow light over at most N reflections [default: until converged]
     #[arg(long, value_name = "N")]
@@ -130,7 +130,7 @@ pub struct Bake {
     /// What turns radiosity into irradiance: rows of rays, or for small scenes the kernel between points
     #[arg(long, value_name = "OPERATOR", default_value_t = Operator::default(), value_parser = values::operator(), hide = true)]
     pub operator: Operator,
-    /// Throw away what the job directory holds and begin again
+    /// Bake anew; what the job directory holds is kept until the new job is complete
     #[arg(long)]
     pub restart: bool,
     /// Write neither JOB/preview.png nor JOB/mesh.ply

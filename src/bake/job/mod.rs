@@ -26,7 +26,7 @@ pub use budget::Budget;
 pub use inputs::{Change, Inputs};
 pub use journal::WORK_FOLDER;
 pub use lock::{LOCK_FILE, Lock};
-pub use run::{digests, run, run_in, standing};
+pub use run::{Unfinished, digests, run, run_in, standing, unfinished};
 pub(super) use side::read as read_side;
 #[cfg(test)]
 pub(super) use side::write as write_side;

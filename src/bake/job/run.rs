@@ -64,22 +64,65 @@ pub fn digests(inputs: &Inputs, options: &Options) -> Result<Digests> {
     Ok(Digests { inputs: inputs.digest()?, options })
 }
 
-/// What a bake of the same scene would have to do again, in words; None when nothing has changed.
+/// What has changed since a job was begun and what a bake of the same scene would do again, in words; None when nothing has.
+///
+/// Cost: reads the scene if one of its files is younger than the job's record of them.
 ///
 /// # Errors
 /// Those of reading the job's side files and the scene.
 pub fn standing(job: &Path) -> Result<Option<String>> {
-    let Some(inputs) = side::read::<Inputs>(&job.join(INPUTS_FILE))? else { return Ok(None) };
+    let record = job.join(INPUTS_FILE);
+    let Some(inputs) = side::read::<Inputs>(&record)? else { return Ok(None) };
     let Some((scene_path, _)) = inputs.files.first() else { return Ok(None) };
-    if !scene_path.exists() {
-        return Ok(Some(format!("{} is gone", scene_path.display())));
+    if let Some((gone, _)) = inputs.files.iter().find(|(file, _)| !file.exists()) {
+        return Ok(Some(format!("{} is gone: the job answers, but cannot be baked again", gone.display())));
+    }
+    let written = |path: &Path| fs::metadata(path).and_then(|meta| meta.modified()).ok();
+    let recorded = written(&record);
+    if inputs.files.iter().all(|(file, _)| written(file) <= recorded) {
+        return Ok(None);
     }
     let now = Inputs::of(scene_path, &scene::load(scene_path)?)?;
     Ok(match inputs.change(&now) {
         Change::Nothing => None,
-        Change::Light(what) => Some(format!("{what}: lights or albedos, a bake redoes the solution")),
-        Change::Geometry(what) => Some(format!("{what}: geometry, a bake redoes everything")),
+        Change::Light(what) => {
+            Some(format!("{what}: lights or albedos; a bake finds the light anew and keeps R"))
+        }
+        Change::Geometry(what) => {
+            Some(format!("{what}: geometry; a bake needs --restart and does all again"))
+        }
     })
+}
+
+/// What a job that is not finished has done so far.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Unfinished {
+    /// What it was asked.
+    pub options: Options,
+    /// The ledgers that hold what is done, by name.
+    pub ledgers: Vec<String>,
+    /// Bytes in them.
+    pub work_bytes: u64,
+}
+
+/// How far an unfinished job came; None where there is none, or it is finished.
+///
+/// # Errors
+/// Those of reading the job's side files.
+pub fn unfinished(job: &Path) -> Result<Option<Unfinished>> {
+    if job.join(SUMMARY_FILE).exists() {
+        return Ok(None);
+    }
+    let Some(options) = side::read::<Options>(&job.join(OPTIONS_FILE))? else { return Ok(None) };
+    let mut found = Unfinished { options, ledgers: Vec::new(), work_bytes: 0 };
+    let folder = job.join(super::WORK_FOLDER);
+    for entry in fs::read_dir(&folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        found.ledgers.extend(name.strip_suffix(".partial").map(str::to_owned));
+        found.work_bytes += entry.metadata().map_or(0, |meta| meta.len());
+    }
+    found.ledgers.sort();
+    Ok(Some(found))
 }
 
 /// What one command was asked, and who watches.
@@ -104,9 +147,10 @@ impl Bake<'_> {
         let made = self.storage.create_directory(job);
         made.map_err(|e| Error::io(job, "making the job directory", e))?;
         let mut lock = Lock::take(job, self.monitor)?;
-        let restart = self.options.restart && job.join(OPTIONS_FILE).exists();
-        if restart {
-            return self.replace(job, &mut lock, self.subject()?, None);
+        if self.options.restart && job.join(OPTIONS_FILE).exists() {
+            let subject = self.subject()?;
+            let kept = self.kept_geometry(job, &subject.inputs).then_some(job);
+            return self.replace(job, &mut lock, subject, kept);
         }
         let stored = side::read::<Options>(&job.join(OPTIONS_FILE))?;
         let differs = |difference| Error::JobDiffers { job: job.into(), difference };
@@ -132,6 +176,19 @@ impl Bake<'_> {
                 self.bake(job, subject, None)
             }
         }
+    }
+
+    /// Whether a new job may take R over from the finished one: the geometry is the same, and of the options only how many
+    /// bounces are followed differs. Where nothing differs all is asked for anew.
+    fn kept_geometry(&self, job: &Path, now: &Inputs) -> bool {
+        let Ok(Some(stored)) = side::read::<Options>(&job.join(OPTIONS_FILE)) else { return false };
+        let Ok(Some(before)) = side::read::<Inputs>(&job.join(INPUTS_FILE)) else { return false };
+        let bounces = Options { max_bounces: self.options.max_bounces, ..stored.clone() };
+        let only_bounces = stored.max_bounces != self.options.max_bounces;
+        let change = before.change(now);
+        job.join(SUMMARY_FILE).exists()
+            && self.options.difference(&bounces).is_none()
+            && (only_bounces && change == Change::Nothing || matches!(change, Change::Light(_)))
     }
 
     fn subject(&self) -> Result<Subject> {
@@ -170,11 +227,7 @@ impl Bake<'_> {
         let failed = |action: &'static str| move |e| Error::io(job, action, e);
         self.storage.create_directory(&beside).map_err(failed("making a directory beside it"))?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
-        let summary = match old {
-            // An unfinished one is gone on with if it is the same.
-            Some(_) => self.bake(&beside, subject, old)?,
-            None => self.bake(&beside, subject, None)?,
-        };
+        let summary = self.bake(&beside, subject, old)?;
         self.storage.exchange(job, &beside).map_err(failed("putting the new job in its place"))?;
         lock.moved(&beside);
         lock_beside.moved(job);

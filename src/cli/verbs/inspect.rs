@@ -5,19 +5,22 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use crate::bake::job::{self, Unfinished};
 use crate::bake::store::{self, Purpose};
 use crate::bake::{Stage, Summary};
 use crate::cli::arguments::Inspect;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_count, show_seconds};
 use crate::error::{Error, Result};
-use crate::plot::job::{self, Drawn};
+use crate::plot::job::{self as plots, Drawn};
 
 /// The job's figures, and what was drawn of it.
 #[derive(Debug, Serialize)]
 struct Inspected<'a> {
     #[serde(flatten)]
     summary: &'a Summary,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    changed: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     plots: Option<Vec<String>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -26,16 +29,42 @@ struct Inspected<'a> {
 
 /// Prints what the job's summary holds, and draws the job if asked.
 pub fn run(request: &Inspect, console: &Console) -> Result<()> {
+    if let Some(unfinished) = job::unfinished(&request.job)? {
+        return tell_unfinished(request, &unfinished, console);
+    }
     let summary = Summary::read(&request.job)?;
+    let changed = job::standing(&request.job).unwrap_or_else(|error| Some(error.to_string()));
     let drawn = request.plot.as_ref().map(|folder| draw(request, folder, console)).transpose()?;
     console.result(&table(&summary))?;
+    if let Some(changed) = &changed {
+        console.result(&format!("{:<16} {changed}\n", "changed since"))?;
+    }
     let plots: Option<Vec<String>> =
         drawn.as_ref().map(|d| d.files.iter().map(|f| f.display().to_string()).collect());
     for file in plots.iter().flatten() {
         console.result(&format!("{file}\n"))?;
     }
     let plotted_receivers = drawn.map(|d| d.receivers);
-    console.summary("inspect", Inspected { summary: &summary, plots, plotted_receivers })
+    console.summary("inspect", Inspected { summary: &summary, changed, plots, plotted_receivers })
+}
+
+/// Says how far an unfinished job came and how to go on.
+fn tell_unfinished(request: &Inspect, unfinished: &Unfinished, console: &Console) -> Result<()> {
+    if request.plot.is_some() {
+        return Err(Error::NoJob { job: request.job.clone() });
+    }
+    let changed = job::standing(&request.job).unwrap_or_else(|error| Some(error.to_string()));
+    console.result(&format!(
+        "{}: not finished, --error {}, {} done in {}; the same bake goes on from there\n",
+        request.job.display(),
+        unfinished.options.error,
+        show_bytes(unfinished.work_bytes),
+        unfinished.ledgers.join(", "),
+    ))?;
+    if let Some(changed) = &changed {
+        console.result(&format!("{:<16} {changed}\n", "changed since"))?;
+    }
+    console.summary("inspect", serde_json::json!({ "unfinished": unfinished, "changed": changed }))
 }
 
 /// Draws the job into a folder, which is made if it is not there.
@@ -45,7 +74,7 @@ fn draw(request: &Inspect, folder: &Path, console: &Console) -> Result<Drawn> {
     tempfile::tempfile_in(folder).map_err(|e| Error::io(folder, "writing into the folder for plots", e))?;
     let model = store::read(&request.job, Purpose::Light)?;
     let stage = Stage::start(console, "plots", "pixels", None);
-    let drawn = job::write(&model.field(), request.receiver, folder, &|pixels| stage.advance(pixels))?;
+    let drawn = plots::write(&model.field(), request.receiver, folder, &|pixels| stage.advance(pixels))?;
     stage.finish();
     Ok(drawn)
 }
