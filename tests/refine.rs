@@ -130,8 +130,9 @@ fn nothing_is_split_once_sites_have_rows_of_their_own() {
     let mut receivers = std::mem::take(&mut model.receivers);
     let around = model.field().problem.around;
     let long = receivers.len();
-    refine::own(around, &mut receivers, &[0], RowParams { rays: 32, seed: 1 });
+    let ledger = glowtree::archive::Ledger::idle(&|| Ok(()));
+    refine::own(around, &mut receivers, (&[0], RowParams { rays: 32, seed: 1 }), &ledger).unwrap();
     let (rows, own) = receivers.row(long);
     assert_eq!((receivers.len(), own, rows.rays, rows.row(own).len()), (long + 1, 0, 32, 32));
-    refine::split(around, &mut receivers, &[0], 1);
+    let _ = refine::split(around, &mut receivers, (&[0], 1), &ledger);
 }

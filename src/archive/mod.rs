@@ -29,7 +29,6 @@ mod digest;
 mod layout;
 mod ledger;
 mod map;
-mod parcel;
 mod reader;
 mod storage;
 mod verify;
@@ -37,9 +36,9 @@ mod writer;
 
 pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
+pub use ledger::parcel::{Keep, One, Parcel};
 pub use ledger::{Counts, Ledger, Pause};
 pub use map::{Access, Map};
-pub use parcel::{Keep, One, Parcel};
 pub use reader::{Archive, Block};
 pub use storage::{Disk, Storage, StoredFile};
 pub use verify::{Damage, VerifyReport, verify};

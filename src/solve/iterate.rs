@@ -3,6 +3,8 @@
 //! This work is based on: Saad and Schultz, "GMRES", 1986. Three channels share each product with the operator and
 //! have their own small least-squares problems. Basis vectors are f32, inner products f64.
 
+use std::convert::Infallible;
+
 use crate::light::Rgb;
 
 /// When to stop.
@@ -39,11 +41,21 @@ pub struct IterateReport {
 /// above, for the price of its vectors.
 pub const ACCELERATE_FROM: f32 = 0.4;
 
+/// Solves H = b + K·H.
+pub fn solve(
+    apply: impl Fn(&[Rgb]) -> Vec<Rgb>,
+    b: &[Rgb],
+    params: &IterateParams,
+) -> (Vec<Rgb>, IterateReport) {
+    let Ok(solved) = try_solve(|x| Ok::<_, Infallible>(apply(x)), b, params);
+    solved
+}
+
 /// Solves H = b + K·H. The product may fail, as when a run is asked to stop between two of them.
 ///
 /// # Errors
 /// What `apply` says.
-pub fn solve<E>(
+pub fn try_solve<E>(
     apply: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
     b: &[Rgb],
     params: &IterateParams,
@@ -247,13 +259,11 @@ fn relative(norm: [f64; 3], scale: [f64; 3]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::convert::Infallible;
-
     use super::*;
     use crate::geometry::hash;
 
     /// A seeded row-stochastic matrix times ρ, dense.
-    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Result<Vec<Rgb>, Infallible> {
+    fn operator(n: usize, albedo: f32) -> impl Fn(&[Rgb]) -> Vec<Rgb> {
         let rows: Vec<Vec<f32>> = (0..n)
             .map(|i| {
                 let mut row: Vec<f32> = (0..n)
@@ -270,7 +280,7 @@ mod tests {
                 row
             })
             .collect();
-        move |x| Ok(rows.iter().map(|r| r.iter().zip(x).map(|(w, x)| *x * *w).sum()).collect())
+        move |x| rows.iter().map(|r| r.iter().zip(x).map(|(w, x)| *x * *w).sum()).collect()
     }
 
     #[test]
@@ -279,8 +289,9 @@ mod tests {
         let b: Vec<Rgb> =
             (0..200).map(|i| Rgb::new(hash::unit(1, i), hash::unit(2, i), f32::from(i == 7))).collect();
         let params = IterateParams { tolerance: 1e-6, most: 1000, bounces: None, largest_albedo: 0.9 };
-        let Ok((slow, a)) = neumann(&apply, &b, &params);
-        let Ok((fast, c)) = gmres(&apply, &b, &params);
+        let apply = |x: &[Rgb]| Ok::<_, Infallible>(apply(x));
+        let Ok((slow, a)) = neumann(apply, &b, &params);
+        let Ok((fast, c)) = gmres(apply, &b, &params);
         assert!(
             a.converged && c.converged && c.iterations < a.iterations,
             "{} against {}",
@@ -298,14 +309,14 @@ mod tests {
         let apply = operator(20, 0.5);
         let b = vec![Rgb::ONE; 20];
         let params = IterateParams { tolerance: 0.0, most: 100, bounces: Some(3), largest_albedo: 0.5 };
-        let Ok((x, report)) = solve(&apply, &b, &params);
+        let (x, report) = solve(&apply, &b, &params);
         // 1 + 0.5 + 0.25, rows sum to 0.5 within f32.
         assert!(report.converged && (x[4].x - 1.75).abs() < 1e-6, "{x:?}");
     }
 
     #[test]
     fn darkness_is_solved_at_once() {
-        let Ok((x, report)) = solve(
+        let (x, report) = solve(
             operator(5, 0.9),
             &[Rgb::ZERO; 5],
             &IterateParams { tolerance: 1e-6, most: 10, bounces: None, largest_albedo: 0.9 },

@@ -97,7 +97,7 @@ impl Problem<'_> {
         let mut first = gather(&own)?;
         first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
         let (irradiance, report) =
-            iterate::solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params)?;
+            iterate::try_solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params)?;
         let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
         let irradiance_at_sites = transport.push(&irradiance);
         let radiosity = transport.pull(&irradiance_at_sites, Some(&own));

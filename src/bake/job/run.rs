@@ -251,7 +251,7 @@ impl Bake<'_> {
         let stage = Stage::start(self.monitor, "store", "bytes", None);
         let ledger = work.ledger("store")?;
         let shelf = Shelf { storage: self.storage, job, digests, ledger: &ledger };
-        let stored = store::write(&model, &shelf)?;
+        let stored = store::write_to(&shelf, &model)?;
         self.monitor.disk(stored.archive_bytes);
         stages.extend(report.stages.iter().cloned());
         stages.push(stage.finish());

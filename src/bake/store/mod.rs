@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{Mat3, Vec3};
 
-use crate::archive::{Archive, Digests, Ledger, Storage, Tag, Writer};
+use crate::archive::{Archive, Digests, Disk, Ledger, Storage, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
 use crate::basis::Basis;
@@ -67,11 +67,21 @@ type Write = fn(&mut Writer, &Model, &Packed) -> Result<()>;
 const FILES: [(&str, Write); 4] =
     [("scene", write_scene), ("sites", write_sites), ("links", write_links), ("light", write_light)];
 
+/// Writes the model into a directory on the disk, one file a stage, in one go.
+///
+/// # Errors
+/// [`Error::DiskFull`], [`Error::Io`].
+pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport> {
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    let ledger = &Ledger::idle(&|| Ok(()));
+    write_to(&Shelf { storage: &storage, job, digests, ledger }, model)
+}
+
 /// Writes the model into the job directory, one file a stage; a file that is there already, made from the same, stays.
 ///
 /// # Errors
 /// [`Error::DiskFull`], [`Error::Io`], and the ledger's.
-pub fn write(model: &Model, shelf: &Shelf<'_>) -> Result<StoreReport> {
+pub fn write_to(shelf: &Shelf<'_>, model: &Model) -> Result<StoreReport> {
     let packed = rows::pack(model, shelf.ledger)?;
     let mut report = StoreReport { links: packed.links, ..StoreReport::default() };
     for (kind, write) in FILES {

@@ -1,13 +1,11 @@
 //! One measurement: a bake or a path tracing, timed, and judged against the truth.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use super::{Key, Measurement, Method, Subject, Truth, truth};
-use crate::archive::{Digest, Digests, Disk, Ledger, Storage};
+use crate::archive::{Digest, Digests};
 use crate::bake::pipeline::{self, Target};
-use crate::bake::store::{self, Shelf};
-use crate::bake::{Monitor, Stopwatch};
+use crate::bake::{Monitor, Stopwatch, store};
 use crate::error::{Error, Result};
 use crate::light::{Rgb, mean_channel};
 use crate::links::points::Operator;
@@ -67,14 +65,7 @@ fn baked(
     // Only its size is wanted.
     let job = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder", e))?;
     let digest = Digest::of_bytes(&[]);
-    let (storage, pause): (Arc<dyn Storage>, _) = (Arc::new(Disk), || monitor.check());
-    let shelf = Shelf {
-        storage: &storage,
-        job: job.path(),
-        digests: Digests { inputs: digest, options: digest },
-        ledger: &Ledger::idle(&pause),
-    };
-    let stored = store::write(&model, &shelf)?;
+    let stored = store::write(&model, job.path(), Digests { inputs: digest, options: digest })?;
     Ok(Measurement {
         seconds,
         cpu_seconds,

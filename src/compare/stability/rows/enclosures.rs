@@ -1,7 +1,5 @@
 //! Rows 2, 3 and 14: furnaces, the cost of high albedos, and the balance of an open scene.
 
-use std::convert::Infallible;
-
 use glam::DVec3;
 
 use super::Numbers;
@@ -96,8 +94,7 @@ fn count(model: &Model, albedo: f32, told: f32) -> f64 {
     let albedos = vec![Rgb::splat(albedo); own.len()];
     let transport = Transport { receivers: &model.receivers, spread: &model.spread, albedo: &albedos };
     let params = IterateParams { tolerance: 1e-6, most: 20_000, bounces: None, largest_albedo: told };
-    let apply = |x: &[Rgb]| Ok::<_, Infallible>(transport.apply(x));
-    let Ok((_, report)) = solve(apply, &transport.gather(&own), &params);
+    let (_, report) = solve(|x| transport.apply(x), &transport.gather(&own), &params);
     if report.converged { report.iterations as f64 } else { f64::INFINITY }
 }
 

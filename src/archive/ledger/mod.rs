@@ -5,15 +5,17 @@
 //! in an unfinished archive: whoever starts again asks for the same blocks in the same order and gets those that were
 //! finished from the file, until they end. It is therefore enough that every block is deterministic.
 
+pub mod parcel;
+
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::parcel::{Keep, Parcel};
 use super::{Digests, Resumed, Storage, Tag, Writer};
 use crate::{Error, Result};
+use parcel::{Keep, Parcel};
 
 /// How often blocks are made durable: what a power loss costs at most. The system writes pages back by itself after
 /// half of this, so that little is left for the sync to wait for.
