@@ -79,6 +79,16 @@ pub fn write_whole(
     }
 }
 
+/// Writes what is in memory, whole or not at all.
+///
+/// # Errors
+/// As [`write_whole`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_whole(path, bytes.len() as u64, |sink| {
+        sink.write_all(bytes).map_err(|e| Error::io(path, "writing", e))
+    })
+}
+
 /// Checks that the folder that `path` is to lie in is there, before work is done that could not be kept.
 ///
 /// # Errors

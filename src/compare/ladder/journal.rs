@@ -78,20 +78,10 @@ mod tests {
         let method = Method::Paths;
         let key = Key { program: "1".into(), digest: "d".into(), method, target, seed: 0, threads: 2 };
         Measurement {
-            key,
-            scene: "s".into(),
-            seconds: 1.0,
             cpu_seconds: 0.1 + 0.2,
-            answer_seconds: 0.0,
-            points: 10,
-            rays: None,
-            sites: None,
-            links: None,
-            bytes: None,
             true_error: 1.0 / 3.0,
-            noise: 1e-3,
-            estimated_error: 0.3,
             residuals: vec![0.1, 1e-7],
+            ..Measurement::blank(key, "s", 10)
         }
     }
 

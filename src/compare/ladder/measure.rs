@@ -31,21 +31,29 @@ pub fn measure(subject: &Subject, key: &Key, folder: &Path, monitor: &dyn Monito
 }
 
 fn blank(subject: &Subject, key: &Key) -> Measurement {
-    Measurement {
-        key: key.clone(),
-        scene: subject.name.clone(),
-        seconds: 0.0,
-        cpu_seconds: 0.0,
-        answer_seconds: 0.0,
-        points: subject.truth.points.len(),
-        rays: None,
-        sites: None,
-        links: None,
-        bytes: None,
-        true_error: 0.0,
-        noise: subject.truth.noise.sqrt() / level(&subject.truth),
-        estimated_error: 0.0,
-        residuals: Vec::new(),
+    let noise = subject.truth.noise.sqrt() / level(&subject.truth);
+    Measurement { noise, ..Measurement::blank(key.clone(), &subject.name, subject.truth.points.len()) }
+}
+
+impl Measurement {
+    /// Nothing measured yet of so many points of a scene.
+    pub(super) fn blank(key: Key, scene: &str, points: usize) -> Self {
+        Self {
+            key,
+            scene: scene.into(),
+            seconds: 0.0,
+            cpu_seconds: 0.0,
+            answer_seconds: 0.0,
+            points,
+            rays: None,
+            sites: None,
+            links: None,
+            bytes: None,
+            true_error: 0.0,
+            noise: 0.0,
+            estimated_error: 0.0,
+            residuals: Vec::new(),
+        }
     }
 }
 

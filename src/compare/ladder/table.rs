@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Measurement, Method, figures};
 use crate::error::{Error, Result};
+use crate::output::file::write_bytes;
 
 /// The table's name in the folder of a chart.
 pub const TABLE_FILE: &str = "chart.csv";
@@ -140,7 +141,7 @@ pub fn write(all: &[Measurement], folder: &Path) -> Result<PathBuf> {
         writer.write_record(&row).map_err(failed)?;
     }
     let text = writer.into_inner().map_err(|e| Error::io(&path, "writing", e.into_error()))?;
-    std::fs::write(&path, text).map_err(|e| Error::io(&path, "writing", e))?;
+    write_bytes(&path, &text)?;
     Ok(path)
 }
 
@@ -153,20 +154,10 @@ mod tests {
     fn made(method: Method, target: f64, threads: usize, [cpu_seconds, true_error]: [f64; 2]) -> Measurement {
         let key = Key { program: "1".into(), digest: "d".into(), method, target, seed: 0, threads };
         Measurement {
-            key,
-            scene: "s".into(),
             seconds: 0.5 * cpu_seconds,
             cpu_seconds,
-            answer_seconds: 0.0,
-            points: 10,
-            rays: None,
-            sites: None,
-            links: None,
-            bytes: None,
             true_error,
-            noise: 0.0,
-            estimated_error: 0.0,
-            residuals: Vec::new(),
+            ..Measurement::blank(key, "s", 10)
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::{Measured, Row, Unit};
 use crate::error::{Error, Result};
+use crate::output::file::write_bytes;
 
 /// A number as its unit has it: "0.042 %", "diverges", "no answer".
 pub fn shown(value: f64, unit: Unit) -> String {
@@ -109,8 +110,7 @@ pub fn markdown(rows: &[Row]) -> String {
 pub fn write(rows: &[Row], folder: &Path) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "making the folder", e))?;
     for (name, text) in [("stability.csv", csv(rows)), ("stability.md", markdown(rows))] {
-        let path = folder.join(name);
-        std::fs::write(&path, text).map_err(|e| Error::io(&path, "writing", e))?;
+        write_bytes(&folder.join(name), text.as_bytes())?;
     }
     Ok(())
 }

@@ -257,9 +257,7 @@ impl Figure {
         let mut files = Vec::new();
         for (ending, bytes) in [("svg", self.svg().into_bytes()), ("png", self.png()?)] {
             let path = ended(stem, ending);
-            file::write_whole(&path, bytes.len() as u64, |sink| {
-                std::io::Write::write_all(sink, &bytes).map_err(|e| Error::io(&path, "writing", e))
-            })?;
+            file::write_bytes(&path, &bytes)?;
             files.push(path);
         }
         Ok(files)
