@@ -6,7 +6,7 @@ mod svg;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::output::file;
 
 /// A place on the page, in its units: 1/96 inch, x to the right, y down.
