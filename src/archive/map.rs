@@ -47,11 +47,7 @@ impl Map {
     /// # Errors
     /// `UnexpectedEof` when the file is now shorter than the map; what the system says otherwise.
     pub fn touch(&self, range: Range<usize>) -> io::Result<()> {
-        let now = self.file.metadata()?.len();
-        if now < self.bytes.len() as u64 {
-            let problem = format!("cut from {} to {now} bytes while in use", self.bytes.len());
-            return Err(io::Error::new(io::ErrorKind::UnexpectedEof, problem));
-        }
+        self.still_whole()?;
         if range.is_empty() {
             return Ok(());
         }
@@ -59,7 +55,19 @@ impl Map {
         match self.bytes.advise_range(Advice::PopulateRead, range.start, range.len()) {
             // Linux before 5.14 does not know the advice.
             Err(error) if error.kind() == io::ErrorKind::InvalidInput => {}
-            outcome => outcome?,
+            // Pages that are gone are no more than an address that fails: the length tells whether the file was cut just now.
+            Err(error) => return self.still_whole().and(Err(error)),
+            Ok(()) => {}
+        }
+        Ok(())
+    }
+
+    /// Errors with `UnexpectedEof` when the file is now shorter than the map.
+    fn still_whole(&self) -> io::Result<()> {
+        let now = self.file.metadata()?.len();
+        if now < self.bytes.len() as u64 {
+            let problem = format!("cut from {} to {now} bytes while in use", self.bytes.len());
+            return Err(io::Error::new(io::ErrorKind::UnexpectedEof, problem));
         }
         Ok(())
     }

@@ -19,10 +19,10 @@ use crate::scene::{self, Scene};
 use crate::solve::Irradiance;
 
 /// The file within the job directory that says what the job was asked.
-const OPTIONS_FILE: &str = "options.json";
+pub(super) const OPTIONS_FILE: &str = "options.json";
 
 /// The file within the job directory that says what the job was made from.
-const INPUTS_FILE: &str = "inputs.json";
+pub(super) const INPUTS_FILE: &str = "inputs.json";
 
 /// A finished job, open for questions.
 pub struct Job {
@@ -166,7 +166,7 @@ fn finished(job: &Path, scene_path: &Path, options: &Options) -> Result<Option<S
     if job.join(SUMMARY_FILE).exists() { Summary::read(job).map(Some) } else { Ok(None) }
 }
 
-fn read_json<T: serde::de::DeserializeOwned>(job: &Path, name: &str) -> Result<Option<T>> {
+pub(super) fn read_json<T: serde::de::DeserializeOwned>(job: &Path, name: &str) -> Result<Option<T>> {
     let path = job.join(name);
     let text = match fs::read(&path) {
         Ok(text) => text,
@@ -180,7 +180,7 @@ fn read_json<T: serde::de::DeserializeOwned>(job: &Path, name: &str) -> Result<O
     })
 }
 
-fn write_json(job: &Path, name: &str, value: &impl serde::Serialize) -> Result<()> {
+pub(super) fn write_json(job: &Path, name: &str, value: &impl serde::Serialize) -> Result<()> {
     let path = job.join(name);
     let text = serde_json::to_vec_pretty(value).map_err(|e| Error::io(&path, "writing", e.into()))?;
     fs::write(&path, text).map_err(|e| Error::io(&path, "writing", e))

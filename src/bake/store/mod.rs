@@ -1,7 +1,7 @@
 //! A model as files of a job, and back.
 
 pub mod record;
-mod rows;
+pub(super) mod rows;
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -136,7 +136,7 @@ fn write_scene(model: &Model, job: &Path, digests: Digests, report: &mut StoreRe
     finish(w, report)
 }
 
-fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
+pub(super) fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
     let archive = open(job, "scene")?;
     let mut aligned = rkyv::util::AlignedVec::<16>::new();
     aligned.extend_from_slice(archive.array::<u8>(tag("tables"))?);
@@ -151,6 +151,7 @@ fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
         .map_err(|problem| damaged(&archive, "tables", problem))?;
     let bvh = Bvh::from_slices(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
         .map_err(|problem| damaged(&archive, "branches", problem.to_string()))?;
+    archive.confirm()?;
     Ok((scene, bvh))
 }
 
@@ -188,7 +189,7 @@ fn plot(&[first, last, low, high, back, area, spacing]: &[u32; 7]) -> Plot {
     Plot { piece, spacing: f32::from_bits(spacing) }
 }
 
-fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
+pub(super) fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
     let archive = open(job, "sites")?;
     let positions: &[Vec3] = archive.array(tag("position"))?;
     let n = positions.len();
@@ -212,6 +213,7 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
         archive.array::<u8>(tag("unclean"))?,
     );
     let plots = archive.array::<[u32; 7]>(tag("plot"))?.iter().map(plot).collect();
+    archive.confirm()?;
     Ok((Sites::from_arrays(arrays), graph, plots))
 }
 
@@ -220,7 +222,9 @@ fn read_materials(job: &Path, sites: &Sites) -> Result<(Vec<Vec3>, Vec<Vec3>)> {
     let (albedo, exitance) = (archive.array::<Vec3>(tag("albedo"))?, archive.array::<Vec3>(tag("exitance"))?);
     same_length(&archive, "albedo", albedo, sites.len())?;
     same_length(&archive, "exitance", exitance, sites.len())?;
-    Ok((albedo.to_vec(), exitance.to_vec()))
+    let materials = (albedo.to_vec(), exitance.to_vec());
+    archive.confirm()?;
+    Ok(materials)
 }
 
 fn write_links(model: &Model, job: &Path, digests: Digests, report: &mut StoreReport) -> Result<()> {
@@ -251,7 +255,7 @@ fn read_basis(archive: &Archive) -> Result<Basis> {
 }
 
 /// The bit of a link's cluster that says penumbra.
-const PENUMBRA: u32 = 1 << 31;
+pub(super) const PENUMBRA: u32 = 1 << 31;
 
 fn write_lamp_links(w: &mut Writer, direct: &Direct) -> Result<()> {
     let (sites, links) = (0..direct.offsets.len() as u64, 0..direct.links.len() as u64);
@@ -311,6 +315,7 @@ fn read_links(
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
         return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
     }
+    archive.confirm()?;
     Ok((direct, receivers, spread))
 }
 
@@ -360,5 +365,6 @@ fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solut
     same_length(&archive, "surplus", &solution.surplus, receivers.len())?;
     same_length(&archive, "noise", &solution.noise, receivers.len())?;
     same_length(&archive, "radiosit", &solution.radiosity, sites.len())?;
+    archive.confirm()?;
     Ok((solution, field))
 }

@@ -1,9 +1,9 @@
-//! SIGINT and SIGTERM: the first asks to stop, the second stops.
+//! SIGINT and SIGTERM: the first asks to stop, the second stops. SIGBUS: a mapped file was cut short while it was read.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGBUS, SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::bake::Signal;
@@ -12,7 +12,12 @@ use crate::bake::Signal;
 #[derive(Debug, Clone)]
 pub struct Signals {
     came: Arc<AtomicUsize>,
+    cut: Arc<AtomicBool>,
+    alone: Arc<AtomicBool>,
 }
+
+/// Exit code of a reader whose file was cut short under it.
+const DAMAGED: i32 = 9;
 
 impl Signals {
     /// Installs the handlers. A system that refuses them keeps its defaults: the signal ends the program.
@@ -26,7 +31,22 @@ impl Signals {
             let _ = flag::register(signal, Arc::clone(&armed));
             let _ = flag::register_usize(signal, Arc::clone(&came), signal as usize);
         }
-        Self { came }
+        // The thread that met the gap meets it again whenever the handler returns, and computes nothing meanwhile: whoever
+        // watches prints why and leaves. If nobody does, the handler leaves.
+        let (cut, alone) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
+        let _ = flag::register_conditional_shutdown(SIGBUS, DAMAGED, Arc::clone(&alone));
+        let _ = flag::register(SIGBUS, Arc::clone(&cut));
+        Self { came, cut, alone }
+    }
+
+    /// Whether a file was cut short while it was read: the thread that read it does not go on.
+    pub fn cut(&self) -> bool {
+        self.cut.load(Ordering::Relaxed)
+    }
+
+    /// Nobody asks [`Signals::cut`] any more: the next time, the program just leaves with its exit code.
+    pub fn leave_alone(&self) {
+        self.alone.store(true, Ordering::Relaxed);
     }
 
     /// The signal that came, if any.

@@ -1,0 +1,162 @@
+//! A new bake of the same inputs, from which damaged blocks are taken once the whole ones prove it the same.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::{Plan, Repaired, RepairedFile};
+use crate::archive::{Archive, Block, Digest};
+use crate::bake::job::{self, INPUTS_FILE, OPTIONS_FILE, read_json};
+use crate::bake::options::Options;
+use crate::bake::report::progress::Monitor;
+use crate::bake::report::summary::{SUMMARY_FILE, Summary};
+use crate::bake::verify::sides::Inputs;
+use crate::bake::verify::{ARCHIVES, Report, file_name};
+use crate::error::{Error, Result};
+
+/// Bakes the job's scene again beside the job and takes what is damaged.
+pub(super) fn mend(
+    job: &Path,
+    report: &Report,
+    repaired: &mut Repaired,
+    monitor: &dyn Monitor,
+) -> Result<()> {
+    let (options, inputs) =
+        (read_json::<Options>(job, OPTIONS_FILE)?, read_json::<Inputs>(job, INPUTS_FILE)?);
+    let (Some(options), Some(inputs)) = (options, inputs) else {
+        return Err(Error::NoJob { job: job.to_path_buf() });
+    };
+    let scene = unchanged(job, &inputs)?;
+    let here = job.canonicalize().map_err(|e| Error::io(job, "looking for the job", e))?;
+    let parent = here.parent().unwrap_or(&here);
+    let folder = tempfile::Builder::new().prefix(".glowtree-repair-").tempdir_in(parent);
+    let folder = folder.map_err(|e| Error::io(parent, "making a temporary folder", e))?;
+    let new = folder.path().join("job");
+    let options = Options { restart: false, preview: false, max_memory_bytes: None, ..options };
+    job::run(scene, &new, &options, monitor)?;
+    repaired.rebaked = true;
+    // All are compared before the first is changed.
+    let archives: Vec<Archive> =
+        ARCHIVES.iter().map(|kind| Archive::open(new.join(file_name(kind)))).collect::<Result<_>>()?;
+    for (kind, fresh) in ARCHIVES.iter().zip(&archives) {
+        compare(job, kind, fresh, report)?;
+    }
+    for (kind, fresh) in ARCHIVES.iter().zip(&archives).filter(|(k, _)| !report.is_whole_file(&file_name(k)))
+    {
+        repaired.files.push(take(job, kind, fresh, report)?);
+    }
+    if !report.is_whole_file(SUMMARY_FILE) {
+        Summary::read(&new)?.write(job)?;
+        let file = SUMMARY_FILE.to_owned();
+        repaired.files.push(RepairedFile { file, made_blocks: 0, kept_blocks: 0, by: "baked anew" });
+    }
+    Ok(())
+}
+
+/// The scene asked for, if all inputs are what they were.
+fn unchanged<'a>(job: &Path, inputs: &'a Inputs) -> Result<&'a Path> {
+    let differs = |difference: String| Error::JobDiffers { job: job.to_path_buf(), difference };
+    for (file, digest) in inputs {
+        let shown = file.display();
+        match Digest::of_file(file) {
+            Ok(now) if now.to_string() == *digest => {}
+            Ok(now) => {
+                return Err(differs(format!("{shown} has changed: digest {digest} then, {now} now")));
+            }
+            Err(Error::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {
+                return Err(differs(format!("{shown} is gone, seen from where the program runs")));
+            }
+            Err(error) => return Err(error),
+        }
+    }
+    match inputs.first() {
+        Some((scene, _)) => Ok(scene),
+        None => Err(differs("no inputs are listed".to_owned())),
+    }
+}
+
+/// Numbers of a file's damaged blocks; None where all of it counts as damaged.
+fn damaged(report: &Report, name: &str) -> Option<Vec<usize>> {
+    let own = report.damages.iter().filter(|damage| damage.file == name);
+    own.map(|damage| damage.block.map(|block| block as usize)).collect()
+}
+
+/// The job's own file, if it opens and parts of it are to be kept.
+fn kept(job: &Path, kind: &str, report: &Report) -> Option<(Archive, Vec<usize>)> {
+    let name = file_name(kind);
+    Some((Archive::open(job.join(&name)).ok()?, damaged(report, &name)?))
+}
+
+/// Refuses a new bake that does not have the job's whole blocks.
+fn compare(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<()> {
+    let Some((old, damaged)) = kept(job, kind, report) else { return Ok(()) };
+    let other = |what: String| {
+        let difference = format!("{}: {what} is another when baked now", file_name(kind));
+        Err(Error::JobDiffers { job: job.to_path_buf(), difference })
+    };
+    if old.digests() != fresh.digests() {
+        return other("the digest of inputs or options".into());
+    }
+    if old.all_blocks().count() != fresh.all_blocks().count() {
+        return other("the number of blocks".into());
+    }
+    let differs = |(a, b): &(Block<'_>, Block<'_>)| {
+        let place = |block: &Block<'_>| (block.entry().tag, block.range());
+        // A later block's place may change when one before it is mended.
+        let same = place(a) == place(b) && a.entry().hash == b.entry().hash;
+        !same && !damaged.contains(&a.number())
+    };
+    let outcome = match old.all_blocks().zip(fresh.all_blocks()).find(differs) {
+        Some((block, _)) => other(format!("block {} {}", block.number(), block.entry().tag)),
+        None => Ok(()),
+    };
+    outcome
+}
+
+/// Writes a file of the job's whole blocks and the new bake's for those that are damaged.
+fn take(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<RepairedFile> {
+    let name = file_name(kind);
+    let old = kept(job, kind, report);
+    let provenance = old.as_ref().map_or(fresh.provenance(), |(old, _)| old.provenance());
+    let plan = Plan { job, kind, digests: fresh.digests(), provenance };
+    let mut made_blocks = 0;
+    let mut present = File::open(job.join(&name)).ok();
+    let proven = plan.write(|writer| {
+        for block in fresh.all_blocks() {
+            let whole = old.as_ref().filter(|(_, damaged)| !damaged.contains(&block.number()));
+            match whole.and_then(|(old, _)| old.all_blocks().nth(block.number())) {
+                Some(own) => writer.append_copy(own)?,
+                None => {
+                    made_blocks += u64::from(!is_present(present.as_mut(), &block));
+                    writer.append_copy(block)?;
+                }
+            }
+        }
+        Ok(writer.entries().iter().eq(fresh.all_blocks().map(|block| block.entry())))
+    })?;
+    if !proven {
+        let difference = format!("{name}: blocks of both bakes do not fit together");
+        return Err(Error::JobDiffers { job: job.to_path_buf(), difference });
+    }
+    let kept_blocks = fresh.all_blocks().count() as u64 - made_blocks;
+    Ok(RepairedFile { file: name, made_blocks, kept_blocks, by: "baked anew" })
+}
+
+/// Bytes compared at a time.
+const PIECE_BYTES: usize = 1 << 20;
+
+/// Whether a file that does not open holds a block's payload all the same, where it belongs.
+fn is_present(file: Option<&mut File>, block: &Block<'_>) -> bool {
+    let (Some(file), Ok(payload)) = (file, block.stored()) else { return false };
+    if file.seek(SeekFrom::Start(block.entry().offset + HEADER_BYTES)).is_err() {
+        return false;
+    }
+    let mut piece = vec![0; PIECE_BYTES.min(payload.len())];
+    payload.chunks(PIECE_BYTES).all(|expected| {
+        let piece = &mut piece[..expected.len()];
+        file.read_exact(piece).is_ok() && piece == expected
+    })
+}
+
+/// A block header's length: docs/format.md.
+const HEADER_BYTES: u64 = 64;
