@@ -1,4 +1,5 @@
-//! Read-only memory maps of finished files: the only file of the archive with `unsafe`.
+//! Read-only memory maps of finished files, and what becomes of readers when such a file is cut: the only file of the
+//! archive with `unsafe`.
 #![allow(unsafe_code)]
 
 use std::fs::File;
@@ -91,6 +92,24 @@ impl Map {
     pub fn prefetch(&self, range: Range<usize>) -> io::Result<()> {
         self.bytes.advise_range(Advice::WillNeed, range.start, range.len())
     }
+}
+
+/// Makes the program leave with a code when a mapped file is cut short between [`Map::touch`] and a read, which the system
+/// answers with SIGBUS: each message is written to its file first. A system that refuses keeps its default.
+#[cfg(unix)]
+pub fn leave_when_cut(messages: Vec<(File, Vec<u8>)>, code: i32) {
+    use std::io::Write;
+    let leave = move || {
+        for (mut file, message) in messages.iter().map(|(file, message)| (file, message)) {
+            // There is nowhere left to complain.
+            let _ = file.write(message);
+        }
+        signal_hook::low_level::exit(code)
+    };
+    // SAFETY: the action only reads memory that it owns and calls write(2) and _exit(2), all of which a signal handler may
+    // do. It must not return: the standard library's own handler, which runs before, puts the default action back, so that
+    // the next SIGBUS kills.
+    let _ = unsafe { signal_hook::low_level::register(signal_hook::consts::SIGBUS, leave) };
 }
 
 impl AsRef<[u8]> for Map {

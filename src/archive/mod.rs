@@ -35,6 +35,8 @@ mod writer;
 
 pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
+#[cfg(unix)]
+pub use map::leave_when_cut;
 pub use map::{Access, Map};
 pub use reader::{Archive, Block};
 pub use storage::{Disk, Storage, StoredFile};

@@ -58,6 +58,7 @@ impl Console {
     /// Installs the signal handlers and starts the ticker.
     pub fn open(manners: &Manners) -> Self {
         let terminal = io::stderr().is_terminal();
+        signals::leave_when_cut(manners.json);
         let progress = match manners.progress {
             Progress::Auto if manners.quiet => Progress::None,
             Progress::Auto if manners.json => Progress::Json,
@@ -88,7 +89,6 @@ impl Console {
 
     /// Stops the ticker and removes bars; messages still go through.
     pub fn close(&self) {
-        self.shared.signals.leave_alone();
         self.shared.closed.store(true, Ordering::Relaxed);
         if let Some(ticker) = lock(&self.ticker).take() {
             ticker.thread().unpark();
@@ -201,9 +201,6 @@ impl Shared {
     fn tick(&self) {
         let mut acknowledged = false;
         while !self.closed.load(Ordering::Relaxed) {
-            if self.signals.cut() {
-                self.leave_cut();
-            }
             if !acknowledged && self.signals.came().is_some() {
                 acknowledged = true;
                 if !self.quiet {
@@ -218,17 +215,6 @@ impl Shared {
             }
             park_timeout(TICK);
         }
-    }
-
-    /// Leaves because a file was cut short under a thread that will never return.
-    fn leave_cut(&self) -> ! {
-        let problem = "was cut short while it was read; `glowtree verify JOB --repair` makes it anew".into();
-        let error = Error::DamagedJob { job: "a file of the job".into(), problem };
-        if self.json {
-            print_error_line(error.exit_code(), &error.to_string());
-        }
-        self.say("error", "31", &error.to_string());
-        std::process::exit(i32::from(error.exit_code()))
     }
 
     fn status(&self, event: &'static str, running: &Running) -> Status {

@@ -3,21 +3,37 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGBUS, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
+use super::json::{self, Line};
+use crate::archive;
 use crate::bake::Signal;
+use crate::error::Error;
 
 /// What the signal handlers leave behind.
 #[derive(Debug, Clone)]
 pub struct Signals {
     came: Arc<AtomicUsize>,
-    cut: Arc<AtomicBool>,
-    alone: Arc<AtomicBool>,
 }
 
-/// Exit code of a reader whose file was cut short under it.
-const DAMAGED: i32 = 9;
+/// Makes a bus error say what it is and leave with the exit code of damage.
+pub fn leave_when_cut(json: bool) {
+    #[cfg(unix)]
+    {
+        use std::os::fd::AsFd;
+        let problem =
+            "was cut short while it was read; `glowtree verify JOB --repair` makes it anew".to_owned();
+        let error = Error::DamagedJob { job: "a file of the job".into(), problem };
+        let (code, message) = (error.exit_code(), error.to_string());
+        let copy = |fd: std::os::fd::BorrowedFd<'_>| fd.try_clone_to_owned().map(std::fs::File::from);
+        let line = json.then(|| json::text(&Line::Error { code, message: &message }).into_bytes());
+        let out = line.and_then(|line| Some((copy(std::io::stdout().as_fd()).ok()?, line)));
+        let say =
+            copy(std::io::stderr().as_fd()).ok().map(|err| (err, format!("error: {message}\n").into_bytes()));
+        archive::leave_when_cut(out.into_iter().chain(say).collect(), i32::from(code));
+    }
+}
 
 impl Signals {
     /// Installs the handlers. A system that refuses them keeps its defaults: the signal ends the program.
@@ -31,22 +47,7 @@ impl Signals {
             let _ = flag::register(signal, Arc::clone(&armed));
             let _ = flag::register_usize(signal, Arc::clone(&came), signal as usize);
         }
-        // The thread that met the gap meets it again whenever the handler returns, and computes nothing meanwhile: whoever
-        // watches prints why and leaves. If nobody does, the handler leaves.
-        let (cut, alone) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicBool::new(false)));
-        let _ = flag::register_conditional_shutdown(SIGBUS, DAMAGED, Arc::clone(&alone));
-        let _ = flag::register(SIGBUS, Arc::clone(&cut));
-        Self { came, cut, alone }
-    }
-
-    /// Whether a file was cut short while it was read: the thread that read it does not go on.
-    pub fn cut(&self) -> bool {
-        self.cut.load(Ordering::Relaxed)
-    }
-
-    /// Nobody asks [`Signals::cut`] any more: the next time, the program just leaves with its exit code.
-    pub fn leave_alone(&self) {
-        self.alone.store(true, Ordering::Relaxed);
+        Self { came }
     }
 
     /// The signal that came, if any.

@@ -148,6 +148,10 @@ const PIECE_BYTES: usize = 1 << 20;
 /// Whether a file that does not open holds a block's payload all the same, where it belongs.
 fn is_present(file: Option<&mut File>, block: &Block<'_>) -> bool {
     let (Some(file), Ok(payload)) = (file, block.stored()) else { return false };
+    let end = block.entry().offset + HEADER_BYTES + block.entry().stored_bytes;
+    if file.metadata().map_or(0, |meta| meta.len()) < end {
+        return false;
+    }
     if file.seek(SeekFrom::Start(block.entry().offset + HEADER_BYTES)).is_err() {
         return false;
     }
