@@ -166,13 +166,15 @@ impl<D: AsRef<[u8]>> Archive<D> {
         Err(Error::JobDiffers { job: self.file.clone(), difference: self.superblock.difference(&wanted) })
     }
 
-    /// Checks all blocks that were touched once more. What was copied out of them since their first touch is what was
-    /// written, if this holds: a file that another program overwrites or cuts meanwhile is noticed.
+    /// Checks once more the touched blocks of those tags that were copied. What was copied out of them since their first
+    /// touch is what was written, if this holds: a file that another program overwrites or cuts meanwhile is noticed.
     ///
     /// # Errors
     /// As [`Block::stored`].
-    pub fn confirm(&self) -> Result<()> {
-        let touched = |block: &Block<'_, D>| self.checked[block.number].load(Ordering::Relaxed) == WHOLE;
+    pub fn confirm(&self, copied: impl Fn(Tag) -> bool) -> Result<()> {
+        let touched = |block: &Block<'_, D>| {
+            copied(block.entry().tag) && self.checked[block.number].load(Ordering::Relaxed) == WHOLE
+        };
         self.all_blocks().filter(touched).try_for_each(|block| block.recheck())
     }
 

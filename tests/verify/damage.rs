@@ -2,6 +2,7 @@
 
 use std::fs;
 
+use glowtree::archive::{Archive, Writer};
 use glowtree::bake::Silent;
 use glowtree::bake::verify::{ARCHIVES, repair};
 
@@ -51,6 +52,26 @@ fn each_block_is_made_anew() {
     }
     println!("{shot} blocks of rows shot anew, {baked_anew} others baked anew, all byte by byte");
     assert!(shot >= 2);
+}
+
+#[test]
+fn headers_and_paddings_are_written_anew_around_their_payloads() {
+    let copy = baked().copy();
+    let mut flipped = 0;
+    for kind in ARCHIVES {
+        copy.edit(&format!("{kind}.glow"), |bytes| {
+            for span in spans(kind).0 {
+                let padding = (span.payload.end < span.bytes.end).then_some(span.payload.end);
+                for at in [Some(span.bytes.start + 20), padding].into_iter().flatten() {
+                    bytes[at] ^= 2;
+                    flipped += 1;
+                }
+            }
+        });
+    }
+    let named = copy.verify().damages.iter().filter(|d| d.block.is_some()).count();
+    assert_eq!(copy.repaired("all headers and paddings"), (0, 4, false));
+    println!("{flipped} bits in headers and paddings of {named} blocks, mended without a bake");
 }
 
 #[test]
@@ -190,6 +211,21 @@ fn notes_beside_the_archives_are_found_again_where_they_can_be() {
     });
     let found = copy.verify().damages;
     assert_eq!((found.len(), found[0].file.as_str()), (1, "options.json"), "{found:?}");
+}
+
+#[test]
+fn options_that_an_archive_records_are_found_again() {
+    let copy = baked().copy();
+    let text = fs::read_to_string(copy.file("options.json")).unwrap();
+    let path = copy.file("scene.glow");
+    let archive = Archive::open(&path).unwrap();
+    let mut writer = Writer::create(&path, archive.kind(), archive.digests()).unwrap();
+    archive.all_blocks().for_each(|block| writer.append_copy(block).unwrap());
+    writer.finish(&[("program", "test"), ("options", &text)]).unwrap();
+    fs::remove_file(copy.file("options.json")).unwrap();
+    repair(&copy.job(), &copy.verify(), &Silent).unwrap();
+    assert_eq!(fs::read_to_string(copy.file("options.json")).unwrap(), text);
+    assert!(copy.verify().is_whole());
 }
 
 #[test]

@@ -84,6 +84,7 @@ fn cases() -> Vec<(&'static str, &'static str, &'static str, Change)> {
         ("a site that reflects more than it gets", "sites", "albedo", float(|_| 1.5)),
         ("a site that glows darkness", "sites", "exitance", float(|_| -1.0)),
         ("a site nowhere", "sites", "position", float(|_| f32::NEG_INFINITY)),
+        ("a site off its triangle", "sites", "position", float(|x| x + 1e-4)),
         ("a site's short normal", "sites", "normal", Box::new(set(0, |_: [f32; 3]| [0.0; 3]))),
         ("a site on no triangle", "sites", "triangle", word(|_| 1 << 25)),
         ("a site beside its triangle", "sites", "barycent", float(|_| 3.0)),

@@ -1,5 +1,6 @@
 //! The four archives: every checksum, and whose files they are.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use bytemuck::Pod;
@@ -15,7 +16,7 @@ pub(super) struct Opened {
     name: String,
     archive: Archive,
     /// Numbers of the blocks whose checksums fail.
-    damaged: Vec<usize>,
+    damaged: BTreeSet<usize>,
 }
 
 /// The job's archives in the order of [`ARCHIVES`]; None where one cannot be opened.
@@ -24,11 +25,11 @@ pub(super) type Archives = [Option<Opened>; 4];
 /// Opens all archives and recomputes the checksum of every block.
 pub(super) fn open_all(job: &Path, report: &mut Report, monitor: &dyn Monitor) -> Result<Archives> {
     let size = |kind: &&str| std::fs::metadata(job.join(file_name(kind))).map_or(0, |meta| meta.len());
-    let stage = Stage::start(monitor, "checksums", "bytes", Some(ARCHIVES.iter().map(|k| size(&k)).sum()));
+    let stage = Stage::start(monitor, "checksums", "bytes", Some(ARCHIVES.iter().map(|k| size(k)).sum()));
     let mut opened = Archives::default();
     for (kind, place) in ARCHIVES.iter().zip(&mut opened) {
         report.files += 1;
-        report.examined_bytes += size(&kind);
+        report.examined_bytes += size(kind);
         *place = open(job, kind, report, &stage)?;
     }
     stage.finish();
@@ -54,14 +55,14 @@ fn open(job: &Path, kind: &str, report: &mut Report, stage: &Stage<'_>) -> Resul
         return Ok(None);
     }
     archive.advise(Access::Sequential);
-    let mut damaged = Vec::new();
+    let mut damaged = BTreeSet::new();
     for block in archive.all_blocks() {
         report.blocks += 1;
         match block.stored() {
             Ok(_) => {}
             Err(Error::Damaged { problem, .. }) => {
                 report.damages.push(damage(&name, block, problem));
-                damaged.push(block.number());
+                damaged.insert(block.number());
             }
             Err(error) => return Err(error),
         }

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::archives::Opened;
 use super::rows::{self, Tables};
-use super::sites::{Sited, units};
+use super::sites::{Sited, is_unit};
 use super::{Report, ascending, each};
 use crate::bake::report::progress::Stage;
 use crate::bake::store::PENUMBRA;
@@ -67,7 +67,7 @@ pub(super) fn check<'a>(
     if let (Some(tables), Some(sums)) = (linked.tables, linked.sums) {
         file.hold(report, "row_sums", rows::sums(&tables, sums));
     }
-    linked.links = rows::check(file, (linked.tables, linked.sums, sites.positions), report, stage)?;
+    linked.links = rows::check(file, linked.tables, (linked.sums, sites.positions), report, stage)?;
     Ok(linked)
 }
 
@@ -76,8 +76,8 @@ fn points(file: &Opened, count: usize, report: &mut Report) {
         file.hold(report, "radius", each(radii, "finite radii above 0", |r| r.is_finite() && *r > 0.0));
     }
     if let Some(points) = file.sized::<[Vec3; 2]>(report, "point", count) {
-        let normals = || points.iter().map(|p| p[1]).collect::<Vec<_>>();
-        let outcome = each(points, "finite numbers", |p| p[0].is_finite()).and_then(|()| units(&normals()));
+        let placed = |p: &[Vec3; 2]| p[0].is_finite() && is_unit(&p[1]);
+        let outcome = each(points, "finite places and unit vectors", placed);
         file.hold(report, "point", outcome);
     }
     file.sized::<u64>(report, "row_key", count);

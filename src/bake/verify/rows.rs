@@ -58,7 +58,8 @@ pub(super) fn sums(tables: &Tables, sums: &[[u32; 4]]) -> Result<(), String> {
 /// Decodes and checks every block of rows; how many links they hold, if all of them are whole.
 pub(super) fn check(
     file: &Opened,
-    (tables, sums, positions): (Option<Tables>, Option<&[[u32; 4]]>, Option<&[Vec3]>),
+    tables: Option<Tables>,
+    (sums, positions): (Option<&[[u32; 4]]>, Option<&[Vec3]>),
     report: &mut Report,
     stage: &Stage<'_>,
 ) -> Result<Option<u64>> {

@@ -5,6 +5,7 @@ use glam::Vec3;
 use super::archives::Opened;
 use super::scene::{SHARES, is_share};
 use super::{Report, ascending, each};
+use crate::geometry::triangle;
 use crate::scene::Scene;
 
 /// What later files are held against; None where it is damaged.
@@ -31,7 +32,7 @@ pub(super) fn check<'a>(file: &'a Opened, scene: Option<&Scene>, report: &mut Re
     file.hold(report, "position", each(positions.unwrap_or_default(), FINITE, |p| p.is_finite()));
     let array = |tag, report: &mut Report| file.sized::<Vec3>(report, tag, n);
     if let Some(normals) = array("normal", report) {
-        file.hold(report, "normal", units(normals));
+        file.hold(report, "normal", each(normals, "unit vectors", is_unit));
     }
     let albedo = array("albedo", report);
     if let Some(albedo) = albedo {
@@ -42,6 +43,9 @@ pub(super) fn check<'a>(file: &'a Opened, scene: Option<&Scene>, report: &mut Re
         file.hold(report, "exitance", each(exitance, LIGHT, is_light));
     }
     places(file, n, scene, report);
+    if let (Some(positions), Some(scene)) = (positions, scene) {
+        on_triangles(file, positions, scene, report);
+    }
     graph(file, n, report);
     Sited { count: Some(n), positions, albedo, exitance }
 }
@@ -56,9 +60,9 @@ pub(super) fn is_light(light: &Vec3) -> bool {
     light.is_finite() && light.min_element() >= 0.0
 }
 
-/// Whether all are unit vectors.
-pub(super) fn units(normals: &[Vec3]) -> Result<(), String> {
-    each(normals, "unit vectors", |n| (n.length_squared() - 1.0).abs() <= UNIT)
+/// Whether a vector is one long.
+pub(super) fn is_unit(normal: &Vec3) -> bool {
+    (normal.length_squared() - 1.0).abs() <= UNIT
 }
 
 fn places(file: &Opened, n: usize, scene: Option<&Scene>, report: &mut Report) {
@@ -84,6 +88,27 @@ fn places(file: &Opened, n: usize, scene: Option<&Scene>, report: &mut Report) {
             first <= last && last <= most && back <= 1 && size(area) && size(spacing)
         };
         file.hold(report, "plot", each(plots, "a piece of the surface", whole));
+    }
+}
+
+/// How far rounding takes a site off the place that its triangle and coordinates say, local units.
+const ASIDE: f32 = 2e-6;
+
+/// Sites are where their triangles and barycentric coordinates say.
+fn on_triangles(file: &Opened, positions: &[Vec3], scene: &Scene, report: &mut Report) {
+    let ids = file.array::<u32>(report, "triangle");
+    let coordinates = file.array::<[f32; 2]>(report, "barycent");
+    let (Some(ids), Some(coordinates)) = (ids, coordinates) else { return };
+    for (site, ((at, &id), &[u, v])) in positions.iter().zip(ids).zip(coordinates).enumerate() {
+        if id as usize >= scene.triangles.len() {
+            return;
+        }
+        let expected = triangle::point(scene.corners(id), u, v);
+        if at.distance(expected) > ASIDE {
+            let problem = format!("entry {site}: expected {expected} on triangle {id}, got {at}");
+            file.hold(report, "position", Err(problem));
+            return;
+        }
     }
 }
 

@@ -64,12 +64,12 @@ fn guesses(job: &Path) -> Vec<Inputs> {
     }
     scenes.sort();
     scenes.dedup();
-    scenes.into_iter().filter_map(|scene| digested(scene, &meshes)).collect()
+    scenes.iter().filter_map(|scene| digested(scene, &meshes)).collect()
 }
 
-fn digested(scene: PathBuf, meshes: &[PathBuf]) -> Option<Inputs> {
-    let others = meshes.iter().filter(|mesh| **mesh != scene).cloned();
-    let files: Vec<PathBuf> = std::iter::once(scene.clone()).chain(others).collect();
+fn digested(scene: &Path, meshes: &[PathBuf]) -> Option<Inputs> {
+    let others = meshes.iter().filter(|mesh| *mesh != scene).cloned();
+    let files: Vec<PathBuf> = std::iter::once(scene.to_path_buf()).chain(others).collect();
     files.into_iter().map(|file| Some((file.clone(), Digest::of_file(&file).ok()?.to_string()))).collect()
 }
 

@@ -1,16 +1,19 @@
-//! Making anew what is damaged, and nothing else: the frame of a file from its blocks, rows from their points, all else
+//! Making anew what is damaged, and nothing else: the frame of a file from its blocks, headers from the directory, rows from their
+//! points, all else
 //! from a new bake, of which only the damaged blocks are taken. Checksums prove each repair before it takes its name.
 
 mod frame;
+mod headers;
 mod lost;
 mod rebake;
 mod rows;
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::{Report, verify};
+use super::{Damage, Report, verify};
 use crate::archive::{Archive, Digests, Tag, Writer};
 use crate::bake::job::{INPUTS_FILE, OPTIONS_FILE};
 use crate::bake::report::progress::Monitor;
@@ -59,6 +62,9 @@ pub fn repair(job: &Path, report: &Report, monitor: &dyn Monitor) -> Result<Repa
     if frame::mend(job, &report, &mut repaired)? {
         report = verify(job, monitor)?;
     }
+    if headers::mend(job, &report, &mut repaired)? {
+        report = verify(job, monitor)?;
+    }
     if rows::mend(job, &report, &mut repaired, monitor)? {
         report = verify(job, monitor)?;
     }
@@ -105,6 +111,13 @@ impl Plan<'_> {
             }
         }
     }
+}
+
+/// Numbers of a file's damaged blocks, if there are any, all are of tags like that, and nothing else is damaged.
+fn damaged(report: &Report, name: &str, like: impl Fn(Option<&str>) -> bool) -> Option<BTreeSet<usize>> {
+    let own = report.damages.iter().filter(|damage| damage.file == name);
+    let number = |d: &Damage| d.block.filter(|_| like(d.tag.as_deref())).map(|block| block as usize);
+    own.map(number).collect::<Option<BTreeSet<usize>>>().filter(|numbers| !numbers.is_empty())
 }
 
 /// The archives of the job that open, whatever their blocks hold.

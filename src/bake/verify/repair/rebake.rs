@@ -1,10 +1,12 @@
 //! A new bake of the same inputs, from which damaged blocks are taken once the whole ones prove it the same.
 
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{Plan, Repaired, RepairedFile};
+use super::headers::HEADER_BYTES;
+use super::{Plan, Repaired, RepairedFile, damaged};
 use crate::archive::{Archive, Block, Digest};
 use crate::bake::job::{self, INPUTS_FILE, OPTIONS_FILE, read_json};
 use crate::bake::options::Options;
@@ -75,16 +77,13 @@ fn unchanged<'a>(job: &Path, inputs: &'a Inputs) -> Result<&'a Path> {
     }
 }
 
-/// Numbers of a file's damaged blocks; None where all of it counts as damaged.
-fn damaged(report: &Report, name: &str) -> Option<Vec<usize>> {
-    let own = report.damages.iter().filter(|damage| damage.file == name);
-    own.map(|damage| damage.block.map(|block| block as usize)).collect()
-}
-
 /// The job's own file, if it opens and parts of it are to be kept.
-fn kept(job: &Path, kind: &str, report: &Report) -> Option<(Archive, Vec<usize>)> {
+fn kept(job: &Path, kind: &str, report: &Report) -> Option<(Archive, BTreeSet<usize>)> {
     let name = file_name(kind);
-    Some((Archive::open(job.join(&name)).ok()?, damaged(report, &name)?))
+    let archive = Archive::open(job.join(&name)).ok()?;
+    let damaged =
+        if report.is_whole_file(&name) { BTreeSet::new() } else { damaged(report, &name, |_| true)? };
+    Some((archive, damaged))
 }
 
 /// Refuses a new bake that does not have the job's whole blocks.
@@ -106,11 +105,11 @@ fn compare(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<(
         let same = place(a) == place(b) && a.entry().hash == b.entry().hash;
         !same && !damaged.contains(&a.number())
     };
-    let outcome = match old.all_blocks().zip(fresh.all_blocks()).find(differs) {
+    let first = old.all_blocks().zip(fresh.all_blocks()).find(differs);
+    match first {
         Some((block, _)) => other(format!("block {} {}", block.number(), block.entry().tag)),
         None => Ok(()),
-    };
-    outcome
+    }
 }
 
 /// Writes a file of the job's whole blocks and the new bake's for those that are damaged.
@@ -122,14 +121,16 @@ fn take(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<Repa
     let mut made_blocks = 0;
     let mut present = File::open(job.join(&name)).ok();
     let proven = plan.write(|writer| {
+        let mut own = old.as_ref().map(|(old, damaged)| (old.all_blocks(), damaged));
         for block in fresh.all_blocks() {
-            let whole = old.as_ref().filter(|(_, damaged)| !damaged.contains(&block.number()));
-            match whole.and_then(|(old, _)| old.all_blocks().nth(block.number())) {
-                Some(own) => writer.append_copy(own)?,
-                None => {
-                    made_blocks += u64::from(!is_present(present.as_mut(), &block));
-                    writer.append_copy(block)?;
-                }
+            let whole = own.as_mut().and_then(|(blocks, damaged)| {
+                blocks.next().filter(|block| !damaged.contains(&block.number()))
+            });
+            if let Some(whole) = whole {
+                writer.append_copy(whole)?;
+            } else {
+                made_blocks += u64::from(old.is_some() || !is_present(present.as_mut(), &block));
+                writer.append_copy(block)?;
             }
         }
         Ok(writer.entries().iter().eq(fresh.all_blocks().map(|block| block.entry())))
@@ -161,6 +162,3 @@ fn is_present(file: Option<&mut File>, block: &Block<'_>) -> bool {
         file.read_exact(piece).is_ok() && piece == expected
     })
 }
-
-/// A block header's length: docs/format.md.
-const HEADER_BYTES: u64 = 64;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Plan, Repaired, RepairedFile};
+use super::{Plan, Repaired, RepairedFile, damaged};
 use crate::archive::{Archive, Block, Encoded, Tag, Writer};
 use crate::bake::pipeline::leaf_order;
 use crate::bake::report::progress::{Monitor, Stage};
@@ -32,7 +32,9 @@ pub(super) fn mend(
     monitor: &dyn Monitor,
 ) -> Result<bool> {
     let name = file_name(KIND);
-    let Some(numbers) = damaged_rows(report, &name) else { return Ok(false) };
+    let Some(numbers) = damaged(report, &name, |tag| matches!(tag, Some("rows" | "order"))) else {
+        return Ok(false);
+    };
     if !["scene", "sites"].iter().all(|kind| report.is_whole_file(&file_name(kind))) {
         return Ok(false);
     }
@@ -63,16 +65,6 @@ pub(super) fn mend(
     let file = RepairedFile { file: name, made_blocks, kept_blocks, by: "rows shot anew" };
     repaired.files.extend(proven.then_some(file));
     Ok(proven)
-}
-
-/// Numbers of the damaged blocks, if they are all of rows.
-fn damaged_rows(report: &Report, name: &str) -> Option<Vec<usize>> {
-    let own = report.damages.iter().filter(|damage| damage.file == name);
-    let number = |tag: Option<&str>, block: Option<u64>| {
-        block.filter(|_| matches!(tag, Some("rows" | "order"))).map(|block| block as usize)
-    };
-    let numbers: Option<Vec<usize>> = own.map(|d| number(d.tag.as_deref(), d.block)).collect();
-    numbers.filter(|numbers| !numbers.is_empty())
 }
 
 /// What rows are shot from, and those of the last block: its fellow has the same.
