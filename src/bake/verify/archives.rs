@@ -25,7 +25,7 @@ pub(super) type Archives = [Option<Opened>; 4];
 /// Opens all archives and recomputes the checksum of every block.
 pub(super) fn open_all(job: &Path, report: &mut Report, monitor: &dyn Monitor) -> Result<Archives> {
     let size = |kind: &&str| std::fs::metadata(job.join(file_name(kind))).map_or(0, |meta| meta.len());
-    let stage = Stage::start(monitor, "checksums", "bytes", Some(ARCHIVES.iter().map(|k| size(k)).sum()));
+    let stage = Stage::start(monitor, "checksums", "bytes", Some(ARCHIVES.iter().map(size).sum()));
     let mut opened = Archives::default();
     for (kind, place) in ARCHIVES.iter().zip(&mut opened) {
         report.files += 1;

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use super::{Plan, Repaired, RepairedFile, damaged};
+use super::{Plan, Repaired, RepairedFile, all_fail, damaged};
 use crate::archive::{Archive, Encoded, Entry, Writer};
 use crate::bake::verify::{ARCHIVES, Report, file_name};
 use crate::error::{Error, Result};
@@ -20,6 +20,9 @@ pub(super) fn mend(job: &Path, report: &Report, repaired: &mut Repaired) -> Resu
         let path = job.join(&name);
         let Some(numbers) = damaged(report, &name, |_| true) else { continue };
         let Ok(archive) = Archive::open(&path) else { continue };
+        if !all_fail(&archive, &numbers) {
+            continue;
+        }
         let mut file = File::open(&path).map_err(|e| Error::io(&path, "opening", e))?;
         let plan = Plan { job, kind, digests: archive.digests(), provenance: archive.provenance() };
         let proven = plan.write(|writer| {

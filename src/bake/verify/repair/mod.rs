@@ -120,6 +120,14 @@ fn damaged(report: &Report, name: &str, like: impl Fn(Option<&str>) -> bool) -> 
     own.map(number).collect::<Option<BTreeSet<usize>>>().filter(|numbers| !numbers.is_empty())
 }
 
+/// Whether the checksums of all these blocks fail: what is whole and wrong all the same comes out no better.
+fn all_fail(archive: &Archive, numbers: &BTreeSet<usize>) -> bool {
+    archive
+        .all_blocks()
+        .filter(|block| numbers.contains(&block.number()))
+        .all(|block| block.recheck().is_err())
+}
+
 /// The archives of the job that open, whatever their blocks hold.
 fn readable(job: &Path) -> Vec<Archive> {
     super::ARCHIVES.iter().filter_map(|kind| Archive::open(job.join(super::file_name(kind))).ok()).collect()

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Vec3;
 
-use super::{Plan, Repaired, RepairedFile, damaged};
+use super::{Plan, Repaired, RepairedFile, all_fail, damaged};
 use crate::archive::{Archive, Block, Encoded, Tag, Writer};
 use crate::bake::pipeline::leaf_order;
 use crate::bake::report::progress::{Monitor, Stage};
@@ -39,6 +39,9 @@ pub(super) fn mend(
         return Ok(false);
     }
     let archive = Archive::open(job.join(&name))?;
+    if !all_fail(&archive, &numbers) {
+        return Ok(false);
+    }
     let (scene, bvh) = store::read_scene(job)?;
     let (sites, graph, plots) = store::read_sites(job)?;
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
