@@ -10,6 +10,7 @@ use crate::bake::report::progress::Stage;
 use crate::bake::store::PENUMBRA;
 use crate::error::Result;
 use crate::light::Rgb;
+use crate::links::lamps::tree::Cluster;
 use crate::links::lamps::{self, LampTree};
 use crate::scene::Scene;
 
@@ -26,7 +27,8 @@ pub(super) struct Linked<'a> {
     pub spread: Option<Weights<'a>>,
 }
 
-/// Lamp links as they are stored.
+/// Lamp links as they are stored. They were checked, and are looked up with care all the same: another program may write over
+/// the file meanwhile.
 pub(super) struct LampLinks<'a> {
     tree: LampTree,
     offsets: &'a [u32],
@@ -34,7 +36,7 @@ pub(super) struct LampLinks<'a> {
     factors: &'a [[f32; 2]],
 }
 
-/// Interpolation to sites as it is stored.
+/// Interpolation to sites as it is stored; looked up as lamp links are.
 pub(super) struct Weights<'a> {
     offsets: &'a [u32],
     receivers: &'a [u32],
@@ -116,12 +118,16 @@ impl LampLinks<'_> {
         self.offsets[site] as usize..self.offsets[site + 1] as usize
     }
 
+    fn cluster(&self, link: u32) -> Option<&Cluster> {
+        self.tree.clusters.get((link & !PENUMBRA) as usize)
+    }
+
     fn cover(&self) -> Result<(), String> {
         let all = self.tree.units.len() as u32;
         for site in 0..self.offsets.len() - 1 {
             let mut next = 0;
-            for &cluster in &self.clusters[self.of(site)] {
-                let units = &self.tree.clusters[(cluster & !PENUMBRA) as usize].units;
+            for &cluster in self.clusters.get(self.of(site)).unwrap_or_default() {
+                let Some(units) = self.cluster(cluster).map(|cluster| &cluster.units) else { break };
                 if units.start != next {
                     return Err(format!("site {site}: expected light from unit {next} on, got {units:?}"));
                 }
@@ -136,12 +142,13 @@ impl LampLinks<'_> {
 
     /// Direct irradiance of a site, added up as [`crate::links::direct::Direct::at_site`] does.
     pub(super) fn at(&self, site: usize) -> Rgb {
-        let link = |k: usize| {
-            let [visibility, coupling] = self.factors[k];
+        let link = |(&cluster, &[visibility, coupling]): (&u32, &[f32; 2])| {
             let seen = Some(visibility * coupling).filter(|v| *v > 0.0);
-            seen.map(|v| self.tree.clusters[(self.clusters[k] & !PENUMBRA) as usize].power * v)
+            self.cluster(cluster).zip(seen).map(|(cluster, v)| cluster.power * v)
         };
-        self.of(site).filter_map(link).sum()
+        let own = |k: std::ops::Range<usize>| self.clusters.get(k.clone()).zip(self.factors.get(k));
+        let (clusters, factors) = own(self.of(site)).unwrap_or_default();
+        clusters.iter().zip(factors).filter_map(link).sum()
     }
 }
 
@@ -183,7 +190,7 @@ impl Weights<'_> {
         let mut own = Vec::new();
         for site in 0..self.offsets.len() - 1 {
             own.clear();
-            own.extend_from_slice(&self.receivers[self.of(site)]);
+            own.extend_from_slice(self.receivers.get(self.of(site)).unwrap_or_default());
             own.sort_unstable();
             if let Some(pair) = own.windows(2).find(|pair| pair[0] == pair[1]) {
                 return Err(format!("site {site} has receiver {} twice", pair[0]));
@@ -194,7 +201,7 @@ impl Weights<'_> {
 
     fn average(&self) -> Result<(), String> {
         for site in 0..self.offsets.len() - 1 {
-            let own = &self.weights[self.of(site)];
+            let own = self.weights.get(self.of(site)).unwrap_or_default();
             let sum: f32 = own.iter().sum();
             if !own.is_empty() && (sum - 1.0).abs() > SUM {
                 return Err(format!("site {site}: expected weights that sum to 1, got {sum}"));
@@ -205,6 +212,8 @@ impl Weights<'_> {
 
     /// Irradiance at a site, interpolated as the solver does.
     pub(super) fn push(&self, site: usize, irradiance: &[Rgb]) -> Rgb {
-        self.of(site).map(|k| irradiance[self.receivers[k] as usize] * self.weights[k]).sum()
+        let (receivers, weights) = (self.receivers.get(self.of(site)), self.weights.get(self.of(site)));
+        let of = |(&r, &w): (&u32, &f32)| irradiance.get(r as usize).map(|light| *light * w);
+        receivers.unwrap_or_default().iter().zip(weights.unwrap_or_default()).filter_map(of).sum()
     }
 }

@@ -158,8 +158,9 @@ impl Held<'_> {
         let supports: Vec<Support> = range.clone().map(support).collect();
         let view = View { supports: &supports, positions: self.positions };
         let mut met = vec![0; range.len() * rays as usize];
-        let stored = rows.stored().ok().zip(order.stored().ok())?;
-        let decoded = compress::decode(stored, (view, &self.keys[range.clone()], 0), rays, &mut met);
+        // Copies, so that nobody changes them under the decoder.
+        let (links, ways) = (rows.stored().ok()?.to_vec(), order.stored().ok()?.to_vec());
+        let decoded = compress::decode((&links, &ways), (view, &self.keys[range.clone()], 0), rays, &mut met);
         let links = decoded.and_then(|()| self.account(range.start, rays, &mut met));
         links.map_err(|problem| file.fault(report, rows, problem)).ok()
     }

@@ -29,7 +29,9 @@ pub(super) fn check(file: &Opened, report: &mut Report) -> Option<Scene> {
             return None;
         }
     };
-    file.hold(report, "vertices", finite_corners(&scene));
+    if !file.hold(report, "vertices", finite_corners(&scene)) {
+        return None;
+    }
     file.hold(report, "tables", meshes(&scene));
     if let (Some(branches), Some(packets)) = (branches, packets) {
         let held = file.hold(report, "packets", triangles(&scene, packets));
@@ -51,7 +53,9 @@ fn restore(tables: &[u8], vertices: &[Vec3], corners: &[[u32; 3]], flat: &[Vec3]
 
 /// Vertices that no triangle has may be anything: the input's are kept.
 fn finite_corners(scene: &Scene) -> Result<(), String> {
-    let finite = |corners: &[u32; 3]| corners.iter().all(|&v| scene.vertices[v as usize].is_finite());
+    let finite = |corners: &[u32; 3]| {
+        corners.iter().all(|&v| scene.vertices.get(v as usize).is_some_and(|v| v.is_finite()))
+    };
     each(&scene.triangles, "finite corners", finite)
 }
 
@@ -98,7 +102,7 @@ pub(super) fn is_share(albedo: &Rgb) -> bool {
 /// Each triangle with an area is in one lane, with the corners that it has in the scene.
 fn triangles(scene: &Scene, packets: &[Packet]) -> Result<(), String> {
     let mut held = vec![0u64; scene.triangles.len().div_ceil(64)];
-    for (number, packet) in packets.iter().enumerate() {
+    for (number, packet) in packets.iter().copied().enumerate() {
         for (lane, &id) in packet.triangle.iter().enumerate().filter(|(_, id)| **id != NO_TRIANGLE) {
             let place = || format!("packet {number}, lane {lane}: ");
             if id as usize >= scene.triangles.len() {
@@ -111,7 +115,7 @@ fn triangles(scene: &Scene, packets: &[Packet]) -> Result<(), String> {
                 return Err(place() + &format!("triangle {id} is held twice"));
             }
             held[word] |= bit;
-            if corners(packet, lane) != scene.corners(id) {
+            if corners(&packet, lane) != scene.corners(id) {
                 return Err(place() + &format!("corners of triangle {id} are not the scene's"));
             }
         }
@@ -136,10 +140,10 @@ fn hierarchy(branches: &[Branch], packets: &[Packet]) -> Result<(), String> {
     BvhView::checked(branches, packets).map_err(|problem| problem.to_string())?;
     let mut bounds: Vec<Option<Box3>> = vec![None; branches.len()];
     let mut next_packet = vec![false; packets.len()];
-    for (number, branch) in branches.iter().enumerate() {
+    for (number, branch) in branches.iter().copied().enumerate() {
         let place = |child: usize| format!("branch {number}, child {child}: ");
         for (k, child) in branch.children.iter().enumerate().filter(|(_, child)| !child.is_none()) {
-            let own = box_of(branch, k);
+            let own = box_of(&branch, k);
             if !own.iter().all(|corner| corner.is_finite()) {
                 return Err(place(k) + "expected a finite box");
             }
@@ -147,7 +151,7 @@ fn hierarchy(branches: &[Branch], packets: &[Packet]) -> Result<(), String> {
                 return Err(place(k) + "outside of the box above");
             }
             if let Some(below) = child.as_branch() {
-                if bounds[below].replace(own).is_some() {
+                if bounds.get_mut(below).is_none_or(|bounds| bounds.replace(own).is_some()) {
                     return Err(place(k) + &format!("branch {below} is another's child"));
                 }
             } else {
@@ -167,7 +171,7 @@ fn hierarchy(branches: &[Branch], packets: &[Packet]) -> Result<(), String> {
 /// Notes that packets hang here, inside of a box.
 fn hang(packets: &[Packet], child: Child, (own, hangs): (&Box3, &mut [bool])) -> Result<(), String> {
     for packet in child.packet_range() {
-        if std::mem::replace(&mut hangs[packet], true) {
+        if hangs.get_mut(packet).is_none_or(|hangs| std::mem::replace(hangs, true)) {
             return Err(format!("packet {packet} is another's child"));
         }
         for lane in
