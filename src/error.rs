@@ -1,6 +1,6 @@
 //! The library's one error type, split by who can act on it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A result whose error is [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -76,13 +76,21 @@ pub enum Error {
         holder: String,
     },
     /// A checksum or invariant of an archive fails.
-    #[error("{}: {place}: {problem}; bake again with --restart", file.display())]
+    #[error("{}: {place}: {problem}; {}", file.display(), mending(file))]
     Damaged {
         /// The archive file.
         file: PathBuf,
         /// Which block.
         place: String,
         /// Expected and found.
+        problem: String,
+    },
+    /// Verifying a job found damage, or a repair could not make it whole.
+    #[error("{}: {problem}", job.display())]
+    DamagedJob {
+        /// The job directory.
+        job: PathBuf,
+        /// How much is damaged, and what to do.
         problem: String,
     },
     /// The iteration stopped at its limit before the residual reached the tolerance.
@@ -109,6 +117,16 @@ pub enum Error {
     },
 }
 
+/// What to do about a damaged file: those of a job can be made anew.
+fn mending(file: &Path) -> String {
+    let is_archive = file.extension().is_some_and(|ending| ending == "glow");
+    let is_note = ["options.json", "inputs.json", "summary.json"].iter().any(|name| file.ends_with(name));
+    match file.parent().filter(|job| (is_archive || is_note) && !job.as_os_str().is_empty()) {
+        Some(job) => format!("`glowtree verify {} --repair` makes it anew", job.display()),
+        None => "bake again with --restart".to_owned(),
+    }
+}
+
 impl Error {
     /// The program's exit code for this error; fixed for ever.
     pub fn exit_code(&self) -> u8 {
@@ -120,7 +138,7 @@ impl Error {
             Self::Memory { .. } => 6,
             Self::DiskFull { .. } => 7,
             Self::Io { .. } => 8,
-            Self::Damaged { .. } => 9,
+            Self::Damaged { .. } | Self::DamagedJob { .. } => 9,
             Self::NoJob { .. } => 10,
             Self::JobLocked { .. } => 11,
             Self::NotConverged { .. } => 12,

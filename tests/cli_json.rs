@@ -123,6 +123,11 @@ fn every_verb_speaks_the_schema() {
             assert_eq!(lines.iter().filter(told).count(), 1, "{name} {event}");
         }
     }
+    held(&place, &["verify", "job"], 0);
+    spoil(&place.path("job/links.glow"));
+    held(&place, &["verify", "job"], 9);
+    let repaired = held(&place, &["verify", "job", "--repair"], 0).pop().unwrap();
+    assert_eq!(repaired["repaired"]["files"].as_array().map(Vec::len), Some(1), "{repaired}");
     held(&place, &["inspect", "job"], 0);
     held(&place, &["inspect", "job", "--plot", "plots"], 0);
     held(&place, &["probe", "job", "--points", "points.csv", "-o", "out.csv"], 0);
@@ -137,10 +142,19 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["man"], 0);
 }
 
+/// Flips a bit in the middle of a file.
+fn spoil(path: &std::path::Path) {
+    let mut bytes = std::fs::read(path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(path, bytes).unwrap();
+}
+
 #[test]
 fn every_failure_speaks_the_schema() {
     let place = Place::new();
     held(&place, &["inspect", "nowhere"], 10);
+    held(&place, &["verify", "nowhere"], 10);
     held(&place, &["bake", "missing.ply"], 4);
     held(&place, &["bake", "scene.toml", "--error", "nonsense"], 2);
     held(&place, &["frobnicate"], 2);

@@ -1,4 +1,5 @@
-//! Read-only memory maps of finished files: the only file of the archive with `unsafe`.
+//! Read-only memory maps of finished files, and what becomes of readers when such a file is cut: the only file of the
+//! archive with `unsafe`.
 #![allow(unsafe_code)]
 
 use std::fs::File;
@@ -47,11 +48,7 @@ impl Map {
     /// # Errors
     /// `UnexpectedEof` when the file is now shorter than the map; what the system says otherwise.
     pub fn touch(&self, range: Range<usize>) -> io::Result<()> {
-        let now = self.file.metadata()?.len();
-        if now < self.bytes.len() as u64 {
-            let problem = format!("cut from {} to {now} bytes while in use", self.bytes.len());
-            return Err(io::Error::new(io::ErrorKind::UnexpectedEof, problem));
-        }
+        self.still_whole()?;
         if range.is_empty() {
             return Ok(());
         }
@@ -59,7 +56,19 @@ impl Map {
         match self.bytes.advise_range(Advice::PopulateRead, range.start, range.len()) {
             // Linux before 5.14 does not know the advice.
             Err(error) if error.kind() == io::ErrorKind::InvalidInput => {}
-            outcome => outcome?,
+            // Pages that are gone are no more than an address that fails: the length tells whether the file was cut just now.
+            Err(error) => return self.still_whole().and(Err(error)),
+            Ok(()) => {}
+        }
+        Ok(())
+    }
+
+    /// Errors with `UnexpectedEof` when the file is now shorter than the map.
+    fn still_whole(&self) -> io::Result<()> {
+        let now = self.file.metadata()?.len();
+        if now < self.bytes.len() as u64 {
+            let problem = format!("cut from {} to {now} bytes while in use", self.bytes.len());
+            return Err(io::Error::new(io::ErrorKind::UnexpectedEof, problem));
         }
         Ok(())
     }
@@ -83,6 +92,24 @@ impl Map {
     pub fn prefetch(&self, range: Range<usize>) -> io::Result<()> {
         self.bytes.advise_range(Advice::WillNeed, range.start, range.len())
     }
+}
+
+/// Makes the program leave with a code when a mapped file is cut short between [`Map::touch`] and a read, which the system
+/// answers with SIGBUS: each message is written to its file first. A system that refuses keeps its default.
+#[cfg(unix)]
+pub fn leave_when_cut(messages: Vec<(File, Vec<u8>)>, code: i32) {
+    use std::io::Write;
+    let leave = move || {
+        for (mut file, message) in messages.iter().map(|(file, message)| (file, message)) {
+            // There is nowhere left to complain.
+            let _ = file.write(message);
+        }
+        signal_hook::low_level::exit(code)
+    };
+    // SAFETY: the action only reads memory that it owns and calls write(2) and _exit(2), all of which a signal handler may
+    // do. It must not return: the standard library's own handler, which runs before, puts the default action back, so that
+    // the next SIGBUS kills.
+    let _ = unsafe { signal_hook::low_level::register(signal_hook::consts::SIGBUS, leave) };
 }
 
 impl AsRef<[u8]> for Map {

@@ -38,6 +38,8 @@ pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
 pub use ledger::parcel::{Keep, One, Parcel};
 pub use ledger::{Counts, Ledger, Pause};
+#[cfg(unix)]
+pub use map::leave_when_cut;
 pub use map::{Access, Map};
 pub use reader::{Archive, Block};
 pub use storage::{Disk, Storage, StoredFile};

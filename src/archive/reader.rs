@@ -166,6 +166,18 @@ impl<D: AsRef<[u8]>> Archive<D> {
         Err(Error::JobDiffers { job: self.file.clone(), difference: self.superblock.difference(&wanted) })
     }
 
+    /// Checks once more the touched blocks of those tags that were copied. What was copied out of them since their first
+    /// touch is what was written, if this holds: a file that another program overwrites or cuts meanwhile is noticed.
+    ///
+    /// # Errors
+    /// As [`Block::stored`].
+    pub fn confirm(&self, copied: impl Fn(Tag) -> bool) -> Result<()> {
+        let touched = |block: &Block<'_, D>| {
+            copied(block.entry().tag) && self.checked[block.number].load(Ordering::Relaxed) == WHOLE
+        };
+        self.all_blocks().filter(touched).try_for_each(|block| block.recheck())
+    }
+
     /// All blocks in file order.
     pub fn all_blocks(&self) -> impl Iterator<Item = Block<'_, D>> {
         (0..self.entries.len()).map(|number| Block { archive: self, number })

@@ -9,6 +9,7 @@ pub mod pipeline;
 pub mod report;
 pub mod store;
 pub mod validate;
+pub mod verify;
 pub mod work;
 
 pub use job::{Job, open, run, run_in};

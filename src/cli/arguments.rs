@@ -85,6 +85,8 @@ pub enum Verb {
     Render(Render),
     /// Show what a job holds: counts, bytes, timings, and pictures of it with --plot
     Inspect(Inspect),
+    /// Recompute every checksum and invariant of a job; name what is damaged, and make it anew with --repair
+    Verify(Verify),
     /// Measure: speed against accuracy, or the stability table
     Chart(Chart),
     /// Print a completion script for a shell
@@ -212,6 +214,17 @@ pub struct Inspect {
     /// The receiver whose row and links are drawn [default: a few that tell most]
     #[arg(long, value_name = "N", requires = "plot")]
     pub receiver: Option<u32>,
+}
+
+/// `verify JOB`
+#[derive(Debug, Args)]
+pub struct Verify {
+    /// A baked job directory
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// Make anew what is damaged, and nothing else; run it from where the bake ran
+    #[arg(long)]
+    pub repair: bool,
 }
 
 /// `chart SCENE… -o DIR`, `chart --stability`, `chart --figure3`

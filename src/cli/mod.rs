@@ -85,6 +85,7 @@ fn run(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Export(request) => verbs::export::run(request, console),
         Verb::Render(request) => verbs::render::run(request, console),
         Verb::Inspect(request) => verbs::inspect::run(request, console),
+        Verb::Verify(request) => verbs::verify::run(request, console),
         Verb::Chart(request) => verbs::chart::run(request, console),
         Verb::Completions(request) => verbs::packaging::completions(request, console),
         Verb::Man => verbs::packaging::manual(console),

@@ -26,10 +26,8 @@ pub use budget::Budget;
 pub use inputs::{Change, Inputs};
 pub use journal::WORK_FOLDER;
 pub use lock::{LOCK_FILE, Lock};
-pub use run::{Unfinished, digests, run, run_in, standing, unfinished};
-pub(super) use side::read as read_side;
-#[cfg(test)]
-pub(super) use side::write as write_side;
+pub use run::{Unfinished, digests, options_digest, run, run_in, standing, unfinished};
+pub(super) use side::{read as read_side, write as write_side};
 
 /// The file within the job directory that says what the job was asked.
 pub const OPTIONS_FILE: &str = "options.json";

@@ -60,8 +60,15 @@ pub fn run_in(
 /// # Errors
 /// [`Error::Usage`] for options that cannot be recorded.
 pub fn digests(inputs: &Inputs, options: &Options) -> Result<Digests> {
-    let options = Digest::of_options(&(options, env!("CARGO_PKG_VERSION")))?;
-    Ok(Digests { inputs: inputs.digest()?, options })
+    Ok(Digests { inputs: inputs.digest()?, options: options_digest(options)? })
+}
+
+/// The digest of options and of the program that goes by them.
+///
+/// # Errors
+/// [`Error::Usage`] for options that cannot be recorded.
+pub fn options_digest(options: &Options) -> Result<Digest> {
+    Digest::of_options(&(options, env!("CARGO_PKG_VERSION")))
 }
 
 /// What has changed since a job was begun and what a bake of the same scene would do again, in words; None when nothing has.
@@ -250,7 +257,9 @@ impl Bake<'_> {
         let (model, report) = self.model(scene, old, &work, &mut stages)?;
         let stage = Stage::start(self.monitor, "store", "bytes", None);
         let ledger = work.ledger("store")?;
-        let shelf = Shelf { storage: self.storage, job, digests, ledger: &ledger };
+        let asked = serde_json::to_string(self.options).unwrap_or_default();
+        let provenance = [("options", asked.as_str())];
+        let shelf = Shelf { storage: self.storage, job, digests, ledger: &ledger, provenance: &provenance };
         let stored = store::write_to(&shelf, &model)?;
         self.monitor.disk(stored.archive_bytes);
         stages.extend(report.stages.iter().cloned());

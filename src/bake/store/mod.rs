@@ -1,7 +1,7 @@
 //! A model as files of a job, and back.
 
 pub mod record;
-mod rows;
+pub(super) mod rows;
 
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
@@ -58,6 +58,8 @@ pub struct Shelf<'a> {
     pub digests: Digests,
     /// Keeps rows that are encoded, which takes long.
     pub ledger: &'a Ledger<'a>,
+    /// What they say of how they were made, besides the program.
+    pub provenance: &'a [(&'a str, &'a str)],
 }
 
 /// One of a job's files.
@@ -74,7 +76,7 @@ const FILES: [(&str, Write); 4] =
 pub fn write(model: &Model, job: &Path, digests: Digests) -> Result<StoreReport> {
     let storage: Arc<dyn Storage> = Arc::new(Disk);
     let ledger = &Ledger::idle(&|| Ok(()));
-    write_to(&Shelf { storage: &storage, job, digests, ledger }, model)
+    write_to(&Shelf { storage: &storage, job, digests, ledger, provenance: &[] }, model)
 }
 
 /// Writes the model into the job directory, one file a stage; a file that is there already, made from the same, stays.
@@ -91,7 +93,7 @@ pub fn write_to(shelf: &Shelf<'_>, model: &Model) -> Result<StoreReport> {
             let mut writer = Writer::create_in(storage, &path, Tag::new(kind), shelf.digests)?;
             write(&mut writer, model, &packed)?;
             report.blocks += writer.entries().len() as u64;
-            writer.finish(&[("program", PROGRAM)])?;
+            writer.finish(&[&[("program", PROGRAM)], shelf.provenance].concat())?;
         }
         let archive = Archive::open(&path)?;
         report.archive_bytes += archive.bytes();
@@ -179,7 +181,7 @@ fn write_scene(w: &mut Writer, model: &Model, _: &Packed) -> Result<()> {
     Ok(())
 }
 
-fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
+pub(super) fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
     let archive = open(job, "scene")?;
     let mut aligned = rkyv::util::AlignedVec::<16>::new();
     aligned.extend_from_slice(archive.array::<u8>(tag("tables"))?);
@@ -194,6 +196,7 @@ fn read_scene(job: &Path) -> Result<(Scene, Bvh)> {
         .map_err(|problem| damaged(&archive, "tables", problem))?;
     let bvh = Bvh::from_slices(archive.array(tag("branches"))?, archive.array(tag("packets"))?)
         .map_err(|problem| damaged(&archive, "branches", problem.to_string()))?;
+    archive.confirm(|_| true)?;
     Ok((scene, bvh))
 }
 
@@ -218,7 +221,7 @@ fn write_sites(w: &mut Writer, model: &Model, _: &Packed) -> Result<()> {
     Ok(())
 }
 
-fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
+pub(super) fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
     let archive = open(job, "sites")?;
     let positions: &[Vec3] = archive.array(tag("position"))?;
     let n = positions.len();
@@ -242,6 +245,7 @@ fn read_sites(job: &Path) -> Result<(Sites, Neighbours, Vec<Plot>)> {
         archive.array::<u8>(tag("unclean"))?,
     );
     let plots = archive.array::<[u32; 7]>(tag("plot"))?.iter().map(Plot::from_words).collect();
+    archive.confirm(|_| true)?;
     Ok((Sites::from_arrays(arrays), graph, plots))
 }
 
@@ -250,7 +254,9 @@ fn read_materials(job: &Path, sites: &Sites) -> Result<(Vec<Vec3>, Vec<Vec3>)> {
     let (albedo, exitance) = (archive.array::<Vec3>(tag("albedo"))?, archive.array::<Vec3>(tag("exitance"))?);
     same_length(&archive, "albedo", albedo, sites.len())?;
     same_length(&archive, "exitance", exitance, sites.len())?;
-    Ok((albedo.to_vec(), exitance.to_vec()))
+    let materials = (albedo.to_vec(), exitance.to_vec());
+    archive.confirm(|_| true)?;
+    Ok(materials)
 }
 
 fn write_links(w: &mut Writer, model: &Model, packed: &Packed) -> Result<()> {
@@ -327,6 +333,8 @@ fn read_links(
     if !ascends || spread.receivers.iter().any(|&r| r as usize >= receivers.len()) {
         return Err(damaged(&archive, "fit_at", "offsets or receivers out of range"));
     }
+    // Rows that stay in the file are not copied: reading them twice would double the cost of a large job's answers.
+    archive.confirm(|block| purpose == Purpose::Light || (block != tag("rows") && block != tag("order")))?;
     Ok((direct, receivers, spread))
 }
 
@@ -375,5 +383,6 @@ fn read_light(job: &Path, receivers: &Receivers, sites: &Sites) -> Result<(Solut
     same_length(&archive, "surplus", &solution.surplus, receivers.len())?;
     same_length(&archive, "noise", &solution.noise, receivers.len())?;
     same_length(&archive, "radiosit", &solution.radiosity, sites.len())?;
+    archive.confirm(|_| true)?;
     Ok((solution, field))
 }

@@ -20,11 +20,11 @@ use crate::tree::index::SupportIndex;
 /// Rows per block of links.
 const BLOCK_ROWS: usize = 4096;
 /// Longer rows are no rows: bounds what a claim makes a reader allocate.
-const MOST_RAYS: u32 = 1 << 16;
+pub(in crate::bake) const MOST_RAYS: u32 = 1 << 16;
 /// The codec of links, [`compress::merged`], in blocks of one of two tables.
-const LINKS_CODEC: u16 = 3;
+pub(in crate::bake) const LINKS_CODEC: u16 = 3;
 /// The codec of the rays' order: [`compress::order`].
-const ORDER_CODEC: u16 = 4;
+pub(in crate::bake) const ORDER_CODEC: u16 = 4;
 
 /// Writes receivers and rows.
 pub(super) fn write(w: &mut Writer, model: &Model, packed: &Packed) -> Result<()> {

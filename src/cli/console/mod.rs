@@ -58,6 +58,7 @@ impl Console {
     /// Installs the signal handlers and starts the ticker.
     pub fn open(manners: &Manners) -> Self {
         let terminal = io::stderr().is_terminal();
+        signals::leave_when_cut(manners.json);
         let progress = match manners.progress {
             Progress::Auto if manners.quiet => Progress::None,
             Progress::Auto if manners.json => Progress::Json,

@@ -8,5 +8,6 @@ pub mod inspect;
 pub mod packaging;
 pub mod points;
 pub mod render;
+pub mod verify;
 
 pub use destination::{Destination, Written};

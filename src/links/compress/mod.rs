@@ -72,7 +72,7 @@ impl<'a> Runs<'a> {
 
     /// One stream, and what follows it.
     fn bytes(&self, run: usize) -> &'a [u8] {
-        &self.bytes[self.start(run)..]
+        self.bytes.get(self.start(run)..).unwrap_or_default()
     }
 }
 

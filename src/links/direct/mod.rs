@@ -40,7 +40,7 @@ pub struct LampLink {
 }
 
 /// The bit of a link's first word that says penumbra.
-const PENUMBRA: u32 = 1 << 31;
+pub const PENUMBRA: u32 = 1 << 31;
 
 impl LampLink {
     /// As cluster and penumbra, visibility and coupling; for storage.
