@@ -1,5 +1,6 @@
 //! The library's one error type, split by who can act on it.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// A result whose error is [`Error`].
@@ -9,7 +10,7 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// An input file is malformed or holds values that light transport has no meaning for.
-    #[error("{}: {place}: {problem}; {remedy}", file.display())]
+    #[error("{}: {place}: {problem}; {remedy}", one_line(&file.to_string_lossy(), 4096))]
     Input {
         /// The offending file.
         file: PathBuf,
@@ -127,6 +128,32 @@ fn mending(file: &Path) -> String {
     }
 }
 
+/// Characters to which each fact of an [`Error::Input`] is cut: files may hold names without end.
+const FACT_LENGTH: usize = 300;
+
+/// A text, perhaps from a file, as part of one line: control characters are escaped, what is longer than `length` loses
+/// its middle.
+pub(crate) fn one_line(text: &str, length: usize) -> String {
+    let mut line = String::with_capacity(text.len().min(length));
+    for letter in shortened(text, length).chars() {
+        if letter.is_control() { line.extend(letter.escape_default()) } else { line.push(letter) }
+    }
+    // Escapes are longer than what they stand for.
+    shortened(&line, length).into_owned()
+}
+
+/// Both ends of a long text; a path ends in its name, a message begins with its subject.
+fn shortened(text: &str, length: usize) -> Cow<'_, str> {
+    let at = |number: usize| text.char_indices().nth(number).map(|(at, _)| at);
+    if at(length).is_none() {
+        return Cow::Borrowed(text);
+    }
+    let half = length / 2;
+    let head = &text[..at(half).unwrap_or(0)];
+    let tail = text.char_indices().rev().nth(half).map_or("", |(at, letter)| &text[at + letter.len_utf8()..]);
+    Cow::Owned(format!("{head}[...]{tail}"))
+}
+
 impl Error {
     /// The program's exit code for this error; fixed for ever.
     pub fn exit_code(&self) -> u8 {
@@ -154,7 +181,9 @@ impl Error {
         problem: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
-        Self::Input { file: file.into(), place: place.into(), problem: problem.into(), remedy: remedy.into() }
+        let fact = |text: String| one_line(&text, FACT_LENGTH);
+        let (place, problem, remedy) = (fact(place.into()), fact(problem.into()), fact(remedy.into()));
+        Self::Input { file: file.into(), place, problem, remedy }
     }
 
     /// An [`Error::Io`], or [`Error::DiskFull`] when that is what the system said.
@@ -164,5 +193,21 @@ impl Error {
             return Self::DiskFull { file, needed_bytes: 0 };
         }
         Self::Io { file, action: action.into(), source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn facts_are_single_short_lines() {
+        assert_eq!(one_line("a\nb\u{1b}[2Jü", 100), "a\\nb\\u{1b}[2Jü");
+        assert_eq!(one_line("0123456789", 10), "0123456789");
+        assert_eq!(one_line("0123456789ü", 4), "01[...]9ü");
+        // Escaped, each of these takes five characters.
+        assert_eq!(one_line(&"\0".repeat(100), 10), "\\u{0}[...]\\u{0}");
+        let error = Error::input("a\rb.ply", "x".repeat(1000), "", "");
+        assert!(error.to_string().starts_with("a\\rb.ply: xxx") && error.to_string().len() < 330, "{error}");
     }
 }

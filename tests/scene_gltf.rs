@@ -88,7 +88,7 @@ const DOCUMENTS: &[(&str, &str, &[&str])] = &[
     ("\"byteOffset\":80", "\"byteOffset\":18446744073709551615", &["beyond its buffer"]),
     ("\"bufferView\":0,", "", &["glTF", "bufferView"]),
     ("\"bufferView\":0,", "\"bufferView\":8,", &["glTF"]),
-    ("\"byteLength\":92", "\"byteLength\":920", &["buffers"]),
+    ("\"byteLength\":92", "\"byteLength\":920", &["buffer 0", "920"]),
     ("\"byteLength\":92", "\"byteLength\":92,\"uri\":\"gone.bin\"", &["buffer 0", "gone.bin does not exist"]),
     (
         "\"byteLength\":92",
@@ -96,7 +96,7 @@ const DOCUMENTS: &[(&str, &str, &[&str])] = &[
         &["buffer 0", "neither a relative file"],
     ),
     ("\"byteLength\":92", "\"byteLength\":92,\"uri\":\"%ff%fe\"", &["buffer 0", "not UTF-8"]),
-    ("\"byteLength\":92", "\"byteLength\":92,\"uri\":\"data:x;base64,%%%\"", &["buffers"]),
+    ("\"byteLength\":92", "\"byteLength\":92,\"uri\":\"data:x;base64,%%%\"", &["buffer 0", "base64"]),
     ("\"children\":[1,2,3,4]", "\"children\":[1,2,3,0]", &["node 0", "its own ancestor"]),
     ("\"children\":[1,2,3,4]", "\"children\":[1,1]", &["node 1", "two parents"]),
     ("\"children\":[1,2,3,4]", "\"children\":[9]", &["glTF"]),

@@ -2,6 +2,7 @@
 
 pub mod arguments;
 pub mod console;
+mod destination;
 pub mod values;
 mod verbs;
 

@@ -232,12 +232,16 @@ fn required_columns(header: &StringRecord, file: &Path) -> Result<[usize; 6]> {
     if header.is_empty() {
         return Err(Error::input(file, "line 1", "the file is empty", remedy));
     }
+    if header.iter().any(|name| name.contains('\0')) {
+        let problem = "it holds zero bytes, so it is no text in UTF-8";
+        return Err(Error::input(file, "line 1", problem, "save the table as UTF-8"));
+    }
     let mut columns = [0; 6];
     for (k, name) in REQUIRED.into_iter().enumerate() {
         let mut found = (0..header.len()).filter(|at| header[*at].trim() == name);
         columns[k] = found.next().ok_or_else(|| {
             let list = header.iter().collect::<Vec<_>>().join(",");
-            Error::input(file, "line 1", format!("no column {name} among {list:.200}"), remedy)
+            Error::input(file, "line 1", format!("no column {name} among {list:.150}"), remedy)
         })?;
         if found.next().is_some() {
             let problem = format!("two columns are named {name}");

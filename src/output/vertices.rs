@@ -11,7 +11,7 @@ use crate::light::Rgb;
 use crate::scene::{Albedo, Mesh, Scene};
 
 /// Vertices that the exposure looks at, spread evenly over all.
-const EXPOSURE_VERTICES: usize = 16_384;
+const EXPOSURE_VERTICES: usize = 2_048;
 
 /// The light of one vertex; all zeros for a vertex that no face with area uses.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]

@@ -13,6 +13,13 @@ use crate::scene::{Albedo, Camera, Lamp, LampKind, Mesh, Placement, Scene, Sky, 
 /// The albedo of a mesh that comes without any.
 pub const DEFAULT_ALBEDO: Rgb = Rgb::splat(0.7);
 
+/// World lengths that a scene may have. Squares of their inverses scale the lamps and must stay within single precision.
+const EXTENTS: std::ops::RangeInclusive<f64> = 1.0e-15..=1.0e15;
+
+/// How far outside the scene lamps and cameras may stand, in its extents: beyond, coordinates differ by more than the
+/// scene in single precision long before they overflow.
+const FARTHEST: f32 = 1.0e15;
+
 /// Where a part's albedo comes from.
 #[derive(Debug, Clone, Default)]
 pub enum Surface {
@@ -94,7 +101,7 @@ pub struct Contents {
 impl Contents {
     /// Whether anything gives light.
     pub fn emits(&self) -> bool {
-        self.sky.is_some()
+        self.sky.as_ref().is_some_and(|sky| !matches!(sky, Sky::Constant(Rgb::ZERO)))
             || !self.lamps.is_empty()
             || self.parts.iter().any(|part| part.radiance != Rgb::ZERO)
     }
@@ -144,8 +151,8 @@ impl Contents {
             triangles: Vec::new(),
             meshes: Vec::with_capacity(self.parts.len()),
             sky: self.sky.take(),
-            lamps: self.lamps.iter().map(|lamp| local_lamp(lamp, &placement)).collect(),
-            cameras: self.cameras.iter().map(|camera| local_camera(camera, &placement)).collect(),
+            lamps: self.lamps.iter().map(|lamp| local_lamp(path, lamp, &placement)).collect::<Result<_>>()?,
+            cameras: self.cameras.iter().map(|c| local_camera(path, c, &placement)).collect::<Result<_>>()?,
             up: self.up.unwrap_or(Vec3::Y),
             warnings: std::mem::take(&mut self.warnings),
         };
@@ -168,18 +175,29 @@ fn placement_of(path: &Path, parts: &[Part]) -> Result<Placement> {
     for part in parts {
         for &corner in part.triangles.iter().flatten() {
             let at = part.positions[corner as usize];
+            if !at.is_finite() {
+                let place = format!("mesh {}, vertex {corner}", part.name);
+                let problem = format!("its transform moves it out of range, to {:?}", at.to_array());
+                return Err(Error::input(path, place, problem, "correct the transform"));
+            }
             low = low.min(at);
             high = high.max(at);
         }
     }
-    if !low.is_finite() || !high.is_finite() {
-        let problem = "there is no triangle at finite coordinates";
+    if low.x > high.x {
+        let problem = "there is no triangle in the scene";
         return Err(Error::input(path, "faces", problem, "give a mesh with faces"));
     }
     let scale = (high - low).max_element();
-    if !(scale > 0.0 && scale.is_finite()) {
-        let problem = format!("the scene's extent is {scale}, all of it lies in one point or overflows");
-        return Err(Error::input(path, "vertices", problem, "check the coordinates and the transform"));
+    let remedy = "check the coordinates and the transform";
+    if scale == 0.0 {
+        let problem = format!("all corners lie in one point, {:?}", low.to_array());
+        return Err(Error::input(path, "vertices", problem, remedy));
+    }
+    if !EXTENTS.contains(&scale) {
+        let (least, most) = (EXTENTS.start(), EXTENTS.end());
+        let problem = format!("the scene's extent is {scale:e}, outside {least:e} to {most:e}");
+        return Err(Error::input(path, "vertices", problem, remedy));
     }
     Ok(Placement { origin: low * 0.5 + high * 0.5, scale })
 }
@@ -207,6 +225,7 @@ fn append(scene: &mut Scene, part: Part, file: PathBuf) -> Result<bool> {
     // Corners lie within the unit box; only a vertex that no triangle uses can be far enough out to overflow.
     let far = Vec3::splat(1.0e30);
     scene.vertices.extend(part.positions.iter().map(|&p| placement.to_local(p).clamp(-far, far)));
+    check_texture_coordinates(&part, &file)?;
     let mut triangles = part.triangles;
     let before = triangles.len();
     triangles.iter_mut().flatten().for_each(|corner| *corner += first_vertex);
@@ -238,6 +257,15 @@ fn append(scene: &mut Scene, part: Part, file: PathBuf) -> Result<bool> {
     Ok(end > first_triangle)
 }
 
+/// Checks that coordinates into an image are somewhere; without an image nobody reads them.
+fn check_texture_coordinates(part: &Part, file: &Path) -> Result<()> {
+    let (Surface::Image(..), Some(uv)) = (&part.surface, &part.uv) else { return Ok(()) };
+    let Some(at) = uv.iter().position(|uv| !uv.is_finite()) else { return Ok(()) };
+    let place = format!("mesh {}, vertex {at}", part.name);
+    let problem = format!("the texture coordinate {} is not finite", uv[at]);
+    Err(Error::input(file, place, problem, "repair the coordinates, or give a constant albedo"))
+}
+
 /// The mesh's albedo, and what was odd about it.
 fn albedo_of(surface: Surface, colours: Option<Vec<Rgb>>, uv: Option<Vec<Vec2>>) -> (Albedo, Option<String>) {
     let by_vertex = |mut colours: Vec<Rgb>, factor: Rgb| {
@@ -259,28 +287,58 @@ fn albedo_of(surface: Surface, colours: Option<Vec<Rgb>>, uv: Option<Vec<Vec2>>)
     }
 }
 
-fn local_lamp(lamp: &WorldLamp, placement: &Placement) -> Lamp {
+fn local_lamp(path: &Path, lamp: &WorldLamp, placement: &Placement) -> Result<Lamp> {
+    let refuse = |problem: String, remedy: &str| {
+        Err(Error::input(path, format!("lamp {}", lamp.name), problem, remedy))
+    };
     // Irradiance is I / r² whatever the unit of length: intensities shrink with the square of the scale.
     let shrink = (1.0 / (placement.scale * placement.scale)) as f32;
+    let shrunk = |intensity: Rgb| intensity * shrink;
     let at = placement.to_local(lamp.position);
-    let kind = match lamp.kind {
-        LampKind::Point { intensity, .. } => LampKind::Point { position: at, intensity: intensity * shrink },
-        LampKind::Spot { direction, intensity, inner_cosine, outer_cosine, .. } => LampKind::Spot {
-            position: at,
-            direction,
-            intensity: intensity * shrink,
-            inner_cosine,
-            outer_cosine,
-        },
-        sun @ LampKind::Sun { .. } => sun,
+    let (kind, direction, intensity) = match lamp.kind {
+        LampKind::Point { intensity, .. } => {
+            (LampKind::Point { position: at, intensity: shrunk(intensity) }, None, shrunk(intensity))
+        }
+        LampKind::Spot { direction, intensity, inner_cosine, outer_cosine, .. } => {
+            let intensity = shrunk(intensity);
+            let spot = LampKind::Spot { position: at, direction, intensity, inner_cosine, outer_cosine };
+            (spot, Some(direction), intensity)
+        }
+        LampKind::Sun { direction, irradiance } => (lamp.kind, Some(direction), irradiance),
     };
-    Lamp { name: lamp.name.clone(), kind }
+    if !matches!(kind, LampKind::Sun { .. }) && !is_near(at) {
+        return refuse(
+            format!("it stands at {:?}, too far from the scene", lamp.position.to_array()),
+            "correct its position",
+        );
+    }
+    if direction.is_some_and(|direction| (direction.length() - 1.0).abs() > 1.0e-3) {
+        return refuse("its transform leaves it without a direction".to_string(), "correct the transform");
+    }
+    if !intensity.is_finite() || intensity.max_element() > super::materials::BRIGHTEST {
+        let problem = format!("it is too bright for a scene of extent {:e}", placement.scale);
+        return refuse(problem, "lower its intensity, or check the unit of length");
+    }
+    Ok(Lamp { name: lamp.name.clone(), kind })
 }
 
-fn local_camera(camera: &WorldCamera, placement: &Placement) -> Camera {
-    Camera {
-        eye: placement.to_local(camera.eye),
-        target: placement.to_local(camera.target),
-        ..camera.rest.clone()
+fn local_camera(path: &Path, camera: &WorldCamera, placement: &Placement) -> Result<Camera> {
+    let refuse = |problem: String, remedy: &str| {
+        Err(Error::input(path, format!("camera {}", camera.rest.name), problem, remedy))
+    };
+    let (eye, target) = (placement.to_local(camera.eye), placement.to_local(camera.target));
+    if !is_near(eye) || !is_near(target) {
+        let (from, to) = (camera.eye.to_array(), camera.target.to_array());
+        let problem = format!("it looks from {from:?} to {to:?}, too far from the scene");
+        return refuse(problem, "correct eye and target");
     }
+    if (target - eye).normalize_or_zero() == Vec3::ZERO {
+        let problem = format!("eye and target differ by {:e} only", (camera.target - camera.eye).length());
+        return refuse(problem, "move the target away from the eye");
+    }
+    Ok(Camera { eye, target, ..camera.rest.clone() })
+}
+
+fn is_near(at: Vec3) -> bool {
+    at.abs().max_element() <= FARTHEST
 }

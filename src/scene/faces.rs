@@ -49,6 +49,11 @@ impl Faces {
         }
     }
 
+    /// Whether there is neither a triangle nor a polygon.
+    pub fn is_empty(&self) -> bool {
+        self.triangles.is_empty() && self.polygons.is_empty()
+    }
+
     /// A corner index as the vertex number it is.
     pub fn corner(&self, index: i64) -> Result<u32, String> {
         match u64::try_from(index) {

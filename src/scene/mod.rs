@@ -21,7 +21,7 @@ use std::sync::Arc;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
 use crate::geometry::triangle;
 use crate::light::Rgb;
 
@@ -200,11 +200,18 @@ pub struct Scene {
     pub warnings: Vec<Warning>,
 }
 
+/// Warnings that are kept one by one: a reader of more would miss the first.
+const MOST_WARNINGS: usize = 50;
+
 /// Reads a scene: a bare mesh (`.ply`, `.obj`, `.gltf`, `.glb`) or a scene file (`.toml`).
 ///
 /// A bare mesh reflects on both sides, takes its albedo from its materials or vertex colours (0.7 grey without), and
 /// stands under a white sky of radiance 1 unless the file itself has lights. Vertices keep their order and number
 /// (PLY, and OBJ with one material); triangles keep their order, those without area are left out with a warning.
+///
+/// Single precision bounds what is accepted: extents from 10⁻¹⁵ to 10¹⁵ world units, lamps and cameras within 10¹⁵ of
+/// them, light up to [`materials::BRIGHTEST`] in its unit. Memory is bounded by the sizes of the files, whatever they
+/// claim, but for what is there many times over: compressed pixels and instances. Names and warnings are single lines: control characters of the files are escaped.
 ///
 /// # Errors
 /// [`Error::Input`] with file, place, problem and remedy for anything that cannot be read or that light transport has
@@ -233,6 +240,7 @@ pub fn load(path: &Path) -> Result<Scene> {
             part.name.clone_from(&stem);
         }
     }
+    contents.make_printable();
     // Meshes and lamps share one space of names: relighting addresses both.
     let meshes = contents.parts.iter_mut().map(|part| &mut part.name);
     make_unique(meshes.chain(contents.lamps.iter_mut().map(|lamp| &mut lamp.name)));
@@ -247,8 +255,12 @@ fn read_mesh(path: &Path) -> Result<assemble::Contents> {
         "obj" => obj::read(path),
         "gltf" | "glb" => gltf::read(path),
         other => {
-            let problem = format!("files of kind {other:?} are not read");
-            Err(Error::input(path, "name", problem, "give a .ply, .obj, .gltf, .glb or .toml file"))
+            let problem = match other {
+                "" => "it has no extension that tells its kind".to_string(),
+                "toml" => "a scene file is no mesh".to_string(),
+                other => format!("meshes of kind {other:?} are not read"),
+            };
+            Err(Error::input(path, "name", problem, "give a .ply, .obj, .gltf or .glb file"))
         }
     }
 }
@@ -287,6 +299,25 @@ fn spot(direction: Vec3, intensity: Rgb, inner: f64, outer: f64) -> LampKind {
     // A hard edge keeps a sliver of transition, so that nothing divides by zero.
     let inner_cosine = (inner.cos() as f32).max(outer_cosine + 1.0e-4).min(1.0);
     LampKind::Spot { position: Vec3::ZERO, direction, intensity, inner_cosine, outer_cosine }
+}
+
+impl assemble::Contents {
+    /// Names and warnings become single lines that may stand in a terminal and in a table, whatever the files hold.
+    fn make_printable(&mut self) {
+        let lamps = self.lamps.iter_mut().map(|lamp| &mut lamp.name);
+        let cameras = self.cameras.iter_mut().map(|camera| &mut camera.rest.name);
+        for name in self.parts.iter_mut().map(|part| &mut part.name).chain(lamps).chain(cameras) {
+            *name = one_line(name, usize::MAX);
+        }
+        self.warnings.iter_mut().for_each(|warning| warning.message = one_line(&warning.message, 400));
+        let count = self.warnings.len();
+        if let Some(last) = self.warnings.last().filter(|_| count > MOST_WARNINGS) {
+            let message = format!("{} further warnings, the last: {}", count - MOST_WARNINGS, last.message);
+            let rest = Warning { file: last.file.clone(), message };
+            self.warnings.truncate(MOST_WARNINGS);
+            self.warnings.push(rest);
+        }
+    }
 }
 
 impl Scene {
@@ -333,8 +364,9 @@ impl Texture {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let pixel = |dx: i64, dy: i64| {
-            let column = (x0 as i64 + dx).rem_euclid(i64::from(self.width)) as usize;
-            let row = (y0 as i64 + dy).rem_euclid(i64::from(self.height)) as usize;
+            // Far coordinates saturate.
+            let column = (x0 as i64).wrapping_add(dx).rem_euclid(i64::from(self.width)) as usize;
+            let row = (y0 as i64).wrapping_add(dy).rem_euclid(i64::from(self.height)) as usize;
             self.pixels[row * self.width as usize + column]
         };
         let top = pixel(0, 0).lerp(pixel(1, 0), fx);

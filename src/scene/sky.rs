@@ -14,7 +14,7 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 
 use crate::error::{Error, Result};
 use crate::light::Rgb;
-use crate::scene::materials::{MAX_PIXELS, limited};
+use crate::scene::materials::{BRIGHTEST, MAX_PIXELS, complaint, limited};
 use crate::scene::{Sky, Texture, Warning};
 
 /// The unit vector of "x", "y", "z", or of one with a minus.
@@ -71,9 +71,12 @@ pub fn read_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Texture>
     if image.pixels.is_empty() {
         return Err(Error::input(path, "picture", "it has no pixels", "give another picture"));
     }
-    if let Some(at) = image.pixels.iter().position(|pixel| !pixel.is_finite()) {
+    let is_odd = |pixel: &Rgb| !pixel.is_finite() || pixel.max_element() > BRIGHTEST;
+    if let Some(at) = image.pixels.iter().position(is_odd) {
         let (x, y) = (at % image.width as usize, at / image.width as usize);
-        let problem = format!("the value {} is not finite", image.pixels[at]);
+        let pixel = image.pixels[at];
+        let what = if pixel.is_finite() { format!("above {BRIGHTEST:e}") } else { "not finite".to_string() };
+        let problem = format!("the value {:?} is {what}", pixel.to_array());
         return Err(Error::input(path, format!("pixel {x}, {y}"), problem, "repair the picture"));
     }
     let mut negative = 0usize;
@@ -99,14 +102,15 @@ fn read_exr(path: &Path) -> Result<Texture> {
             }
             _ => "get the whole, undamaged picture",
         };
-        Error::input(path, "EXR", format!("cannot be read: {error}"), remedy)
+        let said = error.to_string().replace("reference to missing bytes", "truncated, or a length is wrong");
+        Error::input(path, "EXR", format!("cannot be read: {said}"), remedy)
     };
     let bytes = std::fs::metadata(path).map_err(|e| Error::io(path, "opening the sky", e))?.len();
     let meta = MetaData::read_from_file(path, false).map_err(refuse)?;
     for header in &meta.headers {
         let pixels = (header.layer_size.width() as u64).saturating_mul(header.layer_size.height() as u64);
-        // No compression shrinks a picture four thousandfold: more is a lie that would only take memory.
-        if pixels > MAX_PIXELS.min(bytes.saturating_mul(4096)) {
+        // Deflate shrinks a thousandfold at most and a pixel has six bytes or more: the rest is a lie that takes memory.
+        if pixels > MAX_PIXELS.min(bytes.saturating_mul(512)) {
             let size = header.layer_size;
             let problem =
                 format!("{} x {} pixels are promised by {bytes} bytes", size.width(), size.height());
@@ -139,18 +143,18 @@ fn read_exr(path: &Path) -> Result<Texture> {
 }
 
 fn read_hdr(path: &Path) -> Result<Texture> {
-    let refuse = |problem: String| Error::input(path, "HDR", problem, "give a Radiance RGBE picture");
+    let refuse = |problem: String| Error::input(path, "HDR", problem, "give a whole Radiance RGBE picture");
     let file = File::open(path).map_err(|e| Error::io(path, "opening the sky", e))?;
     let bytes = file.metadata().map_err(|e| Error::io(path, "opening the sky", e))?.len();
     let reader = image::ImageReader::with_format(BufReader::new(file), image::ImageFormat::Hdr);
-    let decoder = limited(reader).into_decoder().map_err(|e| refuse(e.to_string()))?;
+    let decoder = limited(reader).into_decoder().map_err(|e| refuse(complaint(&e)))?;
     let (width, height) = image::ImageDecoder::dimensions(&decoder);
     // Run lengths shrink a scan line of one colour 127 / 2 times at most.
     if u64::from(width) * u64::from(height) > MAX_PIXELS.min(bytes.saturating_mul(64)) {
         return Err(refuse(format!("{width} x {height} pixels are promised by {bytes} bytes")));
     }
     let picture =
-        image::DynamicImage::from_decoder(decoder).map_err(|e| refuse(e.to_string()))?.into_rgb32f();
+        image::DynamicImage::from_decoder(decoder).map_err(|e| refuse(complaint(&e)))?.into_rgb32f();
     let pixels = picture.pixels().map(|p| Rgb::from_array(p.0)).collect();
     Ok(Texture { width, height, pixels })
 }

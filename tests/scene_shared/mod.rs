@@ -1,6 +1,8 @@
 //! What the scene tests share: where the test data lies, and files made on the spot.
 #![allow(dead_code, clippy::allow_attributes)]
 
+pub mod pictures;
+
 use std::path::{Path, PathBuf};
 
 use glowtree::Error;
@@ -25,6 +27,11 @@ impl Folder {
     /// An empty one.
     pub fn new() -> Self {
         Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        self.0.path()
     }
 
     /// Writes a file and gives its path.

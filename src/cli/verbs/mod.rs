@@ -2,7 +2,6 @@
 
 pub mod bake;
 pub mod chart;
-mod destination;
 pub mod export;
 pub mod inspect;
 pub mod packaging;
@@ -10,4 +9,4 @@ pub mod points;
 pub mod render;
 pub mod verify;
 
-pub use destination::{Destination, Written};
+pub use super::destination::{Destination, Written};

@@ -15,8 +15,8 @@ use crate::output::vertices::{VertexField, VertexLight};
 use crate::output::{Advance, Evaluate};
 use crate::scene::Scene;
 
-/// Vertices evaluated at a time: half a megabyte of points and answers, up to a second of work.
-const BATCH: usize = 1 << 14;
+/// Vertices evaluated at a time: up to a second of work where all of them gather.
+const BATCH: usize = 1 << 12;
 
 /// Writes the light of every vertex to `path` as binary little-endian PLY.
 ///

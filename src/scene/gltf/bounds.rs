@@ -23,7 +23,7 @@ pub fn check_container(bytes: &[u8]) -> Result<(), String> {
     if length < 20 || length > bytes.len() as u64 || chunk > length - 20 {
         let found = bytes.len();
         return Err(format!(
-            "truncated: {length} bytes, {chunk} of them JSON, are promised, the file has {found}"
+            "lengths disagree: {length} bytes, {chunk} of them JSON, are promised, the file has {found}"
         ));
     }
     Ok(())
@@ -36,17 +36,49 @@ pub fn check_container(bytes: &[u8]) -> Result<(), String> {
 pub fn check_references(path: &Path, document: &Document) -> Result<()> {
     for buffer in document.buffers() {
         let gltf::buffer::Source::Uri(uri) = buffer.source() else { continue };
+        let remedy = "put the file beside the .gltf, or export a .glb that holds everything";
         let place = format!("buffer {}", buffer.index());
-        check_uri(path, uri).map_err(|problem| {
-            Error::input(
-                path,
-                place,
-                problem,
-                "put the file beside the .gltf, or export a .glb that holds everything",
-            )
-        })?;
+        check_uri(path, uri).map_err(|problem| Error::input(path, place, problem, remedy))?;
     }
     Ok(())
+}
+
+/// Reads all buffers, each at least as long as the document says.
+///
+/// # Errors
+/// [`Error::Input`] naming the buffer.
+pub fn read_buffers(
+    path: &Path,
+    document: &Document,
+    mut blob: Option<Vec<u8>>,
+) -> Result<Vec<gltf::buffer::Data>> {
+    let base = path.parent().unwrap_or(Path::new(""));
+    let mut buffers = Vec::new();
+    for buffer in document.buffers() {
+        let refuse = |problem: String| super::refuse(path, format!("buffer {}", buffer.index()), problem);
+        let held = blob.as_ref().map(Vec::len);
+        let data = gltf::buffer::Data::from_source_and_blob(buffer.source(), Some(base), &mut blob);
+        let data = data.map_err(|error| refuse(unread(&error)))?;
+        if data.0.len() < buffer.length() {
+            // The crate fills up to a multiple of four.
+            let found = match buffer.source() {
+                gltf::buffer::Source::Bin => format!("{}", held.unwrap_or(0)),
+                gltf::buffer::Source::Uri(_) => format!("at most {}", data.0.len()),
+            };
+            return Err(refuse(format!("{} bytes are promised, {found} are there", buffer.length())));
+        }
+        buffers.push(data);
+    }
+    Ok(buffers)
+}
+
+/// Why embedded data or a file could not be read.
+pub fn unread(error: &gltf::Error) -> String {
+    match error {
+        gltf::Error::MissingBlob => "it names no file, and the file holds no binary chunk".to_string(),
+        gltf::Error::Base64(error) => format!("the embedded data are no base64: {error}"),
+        other => other.to_string(),
+    }
 }
 
 /// Checks that a URI is embedded data or a file that exists.
@@ -63,7 +95,10 @@ pub fn check_uri(path: &Path, uri: &str) -> Result<(), String> {
     }
     let decoded = percent_decoded(uri).ok_or_else(|| format!("{shown:?} is not UTF-8 when decoded"))?;
     let file = path.parent().unwrap_or(Path::new("")).join(decoded);
-    if file.is_file() { Ok(()) } else { Err(format!("{} does not exist", file.display())) }
+    if file.is_file() {
+        return Ok(());
+    }
+    Err(format!("{} {}", file.display(), if file.exists() { "is no file" } else { "does not exist" }))
 }
 
 fn percent_decoded(uri: &str) -> Option<String> {
@@ -153,6 +188,35 @@ fn check_accessor(
         if !sound {
             return Err(outside());
         }
+        check_sparse_indices(accessor, &indices, count, buffers)?;
+    }
+    Ok(())
+}
+
+/// Checks that the entries which a sparse accessor replaces exist and ascend: the crate drops what does not.
+fn check_sparse_indices(
+    accessor: &Accessor<'_>,
+    indices: &gltf::accessor::sparse::Indices<'_>,
+    count: usize,
+    buffers: &[gltf::buffer::Data],
+) -> Result<(), String> {
+    let view = indices.view();
+    let size = indices.index_type().size();
+    let stride = view.stride().unwrap_or(size);
+    let bytes = buffers.get(view.buffer().index()).map_or(&[][..], |data| &data.0[..]);
+    let first = view.offset() + indices.offset();
+    let mut before = None;
+    for entry in 0..count {
+        let at = first + entry * stride;
+        let value = bytes.get(at..at + size).unwrap_or_default();
+        let index = value.iter().rev().fold(0usize, |index, &byte| 256 * index + usize::from(byte));
+        if index >= accessor.count() || before.is_some_and(|before| index <= before) {
+            let (number, most) = (accessor.index(), accessor.count());
+            return Err(format!(
+                "accessor {number}: sparse index {index} does not ascend or is out of range, there are {most} entries"
+            ));
+        }
+        before = Some(index);
     }
     Ok(())
 }

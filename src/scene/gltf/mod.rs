@@ -27,13 +27,11 @@ pub fn read(path: &Path) -> Result<Contents> {
     let (document, blob) = parsed(path, &bytes)?;
     drop(bytes);
     bounds::check_references(path, &document)?;
-    let base = path.parent().unwrap_or(Path::new(""));
-    let buffers = gltf::import_buffers(&document, Some(base), blob)
-        .map_err(|error| refuse(path, "buffers", error.to_string()))?;
+    let buffers = bounds::read_buffers(path, &document, blob)?;
     let mut reader = Reader {
         path,
         buffers: &buffers,
-        surfaces: Surfaces::new(path, &buffers),
+        surfaces: Surfaces::new(path, &document, &buffers),
         contents: Contents::default(),
         left_out: Vec::new(),
     };
@@ -43,10 +41,17 @@ pub fn read(path: &Path) -> Result<Contents> {
 
 /// The validated document and the binary chunk.
 fn parsed(path: &Path, bytes: &[u8]) -> Result<(Document, Option<Vec<u8>>)> {
-    let broken = |error: gltf::Error| refuse(path, "glTF", error.to_string().trim().replace('\n', " "));
+    let broken = |error: gltf::Error| {
+        let said = error.to_string();
+        refuse(path, "glTF", said.trim().trim_end_matches(';').replace('\n', " "))
+    };
     bounds::check_container(bytes).map_err(|problem| refuse(path, "GLB header", problem))?;
     let gltf = gltf::Gltf::from_slice_without_validation(bytes).map_err(broken)?;
     let json = gltf.document.into_json();
+    if json.asset.version.split('.').next() != Some("2") {
+        let problem = format!("version {:?} is not read, only 2", json.asset.version);
+        return Err(refuse(path, "asset", problem));
+    }
     // The validator looks positions up before it has validated their index.
     for (number, mesh) in json.meshes.iter().enumerate() {
         for index in mesh.primitives.iter().flat_map(|primitive| primitive.attributes.values()) {

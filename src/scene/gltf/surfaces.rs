@@ -1,23 +1,24 @@
 //! Materials of glTF as diffuse surfaces.
 
+use std::borrow::Cow;
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Mat2, Vec2};
-use gltf::image::{Data, Format};
 use gltf::material::AlphaMode;
-use gltf::{Image, Material};
+use gltf::{Document, Image, Material};
 
 use super::{bounds, refuse};
 use crate::error::Result;
-use crate::light::{Rgb, srgb_to_linear};
+use crate::light::Rgb;
 use crate::scene::assemble::{Part, Surface};
 use crate::scene::{Texture, Warning, materials};
 
 /// Materials as they are met, with each texture decoded once.
 pub struct Surfaces<'a> {
     path: &'a Path,
+    document: &'a Document,
     buffers: &'a [gltf::buffer::Data],
     textures: HashMap<usize, Arc<Texture>>,
     /// Materials that are more than diffuse, by what they are.
@@ -30,9 +31,9 @@ pub struct Surfaces<'a> {
 
 impl<'a> Surfaces<'a> {
     /// For one file.
-    pub fn new(path: &'a Path, buffers: &'a [gltf::buffer::Data]) -> Self {
+    pub fn new(path: &'a Path, document: &'a Document, buffers: &'a [gltf::buffer::Data]) -> Self {
         let (beyond, white) = (BTreeSet::new(), BTreeSet::new());
-        Self { path, buffers, textures: HashMap::new(), beyond, white, warnings: Vec::new() }
+        Self { path, document, buffers, textures: HashMap::new(), beyond, white, warnings: Vec::new() }
     }
 
     /// Gives a part its albedo, radiance and sides.
@@ -109,35 +110,32 @@ impl<'a> Surfaces<'a> {
             return Ok(known.clone());
         }
         let place = format!("image {}", image.index());
-        let source = image.source();
-        match &source {
-            gltf::image::Source::Uri { uri, .. } => bounds::check_uri(self.path, uri),
-            gltf::image::Source::View { view, .. } => {
-                let length = self.buffers.get(view.buffer().index()).map_or(0, |data| data.0.len());
-                let end = view.offset().checked_add(view.length());
-                let inside = end.is_some_and(|end| end <= length);
-                if inside { Ok(()) } else { Err("it reaches beyond its buffer".to_string()) }
-            }
-        }
-        .map_err(|problem| refuse(self.path, place.clone(), problem))?;
-        let base = self.path.parent().unwrap_or(Path::new(""));
-        let decoded = Data::from_source(source, Some(base), self.buffers)
-            .map_err(|error| refuse(self.path, place.clone(), error.to_string()))?;
-        let mut pixels = linear_pixels(&decoded).ok_or_else(|| {
-            refuse(self.path, place.clone(), format!("{:?} pixels are not read", decoded.format))
-        })?;
-        let clamped = materials::clamp_reflectance(&mut pixels);
-        if clamped > 0 {
-            let message = format!(
-                "{place}: {clamped} white pixels of {} darkened to {}",
-                pixels.len(),
-                materials::LIMIT
-            );
-            self.warnings.push(Warning { file: self.path.to_path_buf(), message });
-        }
-        let texture = Arc::new(Texture { width: decoded.width, height: decoded.height, pixels });
+        let bytes = self.picture(image.index()).map_err(|problem| refuse(self.path, &*place, problem))?;
+        let picture = materials::decoded(&bytes).map_err(|problem| refuse(self.path, &*place, problem))?;
+        let mut warnings = Vec::new();
+        let texture = Arc::new(materials::texture_of(self.path, &picture, &mut warnings));
+        self.warnings.extend(
+            warnings.into_iter().map(|w| Warning { message: format!("{place}: {}", w.message), ..w }),
+        );
         self.textures.insert(image.index(), texture.clone());
         Ok(texture)
+    }
+
+    /// The encoded bytes of an image. Its JSON is asked, because the crate's own access takes its keys for granted.
+    fn picture(&self, number: usize) -> Result<Cow<'a, [u8]>, String> {
+        let image = &self.document.as_json().images[number];
+        if let Some(view) = &image.buffer_view {
+            let view = self.document.views().nth(view.value()).ok_or("it is in no buffer view")?;
+            let bytes = self.buffers.get(view.buffer().index()).map_or(&[][..], |data| &data.0[..]);
+            let inside =
+                view.offset().checked_add(view.length()).and_then(|end| bytes.get(view.offset()..end));
+            return inside.map(Cow::Borrowed).ok_or_else(|| "it reaches beyond its buffer".to_string());
+        }
+        let uri = image.uri.as_deref().ok_or("it names neither a file nor a buffer view")?;
+        bounds::check_uri(self.path, uri)?;
+        let base = self.path.parent().unwrap_or(Path::new(""));
+        let data = gltf::buffer::Data::from_source(gltf::buffer::Source::Uri(uri), Some(base));
+        data.map(|data| Cow::Owned(data.0)).map_err(|error| bounds::unread(&error))
     }
 }
 
@@ -152,33 +150,4 @@ pub fn transform_uv(material: &Material<'_>, part: &mut Part) {
     for at in part.uv.iter_mut().flatten() {
         *at = offset + turn * *at;
     }
-}
-
-/// sRGB pixels of 8 or 16 bits as linear light; nothing for other formats.
-fn linear_pixels(data: &Data) -> Option<Vec<Rgb>> {
-    // Channels and bytes of each; of 16-bit values (in the machine's order) the upper byte is enough for an albedo.
-    let (channels, width) = match data.format {
-        Format::R8 => (1, 1),
-        Format::R8G8 => (2, 1),
-        Format::R8G8B8 => (3, 1),
-        Format::R8G8B8A8 => (4, 1),
-        Format::R16 => (1, 2),
-        Format::R16G16 => (2, 2),
-        Format::R16G16B16 => (3, 2),
-        Format::R16G16B16A16 => (4, 2),
-        _ => return None,
-    };
-    let linear: Vec<f32> = (0..=255).map(srgb_to_linear).collect();
-    let upper = |k: usize, pixel: &[u8]| {
-        if width == 1 {
-            pixel[k]
-        } else {
-            u16::from_ne_bytes([pixel[2 * k], pixel[2 * k + 1]]).to_be_bytes()[0]
-        }
-    };
-    let decode = |pixel: &[u8]| {
-        let channel = |k: usize| linear[usize::from(upper(k, pixel))];
-        if channels < 3 { Rgb::splat(channel(0)) } else { Rgb::new(channel(0), channel(1), channel(2)) }
-    };
-    Some(data.pixels.chunks_exact(channels * width).map(decode).collect())
 }

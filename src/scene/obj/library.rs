@@ -1,10 +1,10 @@
-//! Material libraries (MTL) of OBJ files, read by tobj.
+//! Material libraries (MTL) of OBJ files.
 
-use std::collections::HashMap;
-use std::io::Cursor;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::statements;
 use crate::light::Rgb;
 use crate::scene::assemble::DEFAULT_ALBEDO;
 use crate::scene::{Texture, Warning, materials};
@@ -25,6 +25,8 @@ pub struct Material {
 #[derive(Default)]
 pub struct Library {
     materials: HashMap<String, Material>,
+    /// Libraries that were asked for.
+    seen: HashSet<PathBuf>,
     /// Whether any library could be read.
     pub loaded: bool,
 }
@@ -34,16 +36,21 @@ impl Library {
     /// worth having without it.
     pub fn load(&mut self, obj: &Path, name: &str, warnings: &mut Vec<Warning>) {
         let file = obj.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"));
+        if !self.seen.insert(file.clone()) {
+            return;
+        }
         let mut warn = |message: String| warnings.push(Warning { file: obj.to_path_buf(), message });
-        let Ok(bytes) = std::fs::read(&file) else {
-            return warn(format!("material library {name:?} is missing: every surface takes albedo 0.7"));
+        // A device or a pipe may never end.
+        let bytes = if file.is_file() { std::fs::read(&file).ok() } else { None };
+        let Some(bytes) = bytes else {
+            return warn(format!("material library {name:?} is missing: albedo 0.7 is taken"));
         };
         let text = String::from_utf8_lossy(&bytes);
-        let (read, _) = match tobj::load_mtl_buf(&mut Cursor::new(text.as_bytes())) {
+        let read = match statements::read(&text) {
             Ok(read) => read,
-            Err(error) => {
+            Err(problem) => {
                 return warn(format!(
-                    "material library {name:?} cannot be read ({error}): albedo 0.7 is taken"
+                    "material library {name:?} cannot be read ({problem}): albedo 0.7 is taken"
                 ));
             }
         };
@@ -51,25 +58,23 @@ impl Library {
         let mut beyond = Vec::new();
         let mut textures = HashMap::new();
         for material in read {
-            if material.illumination_model.is_some_and(|model| model >= 3)
-                || material.dissolve.is_some_and(|d| d < 1.0)
-            {
+            if material.beyond_diffuse {
                 beyond.push(material.name.clone());
             }
-            let texture = material.diffuse_texture.as_deref().and_then(|picture| {
+            let texture = material.texture.as_deref().and_then(|picture| {
                 let path = picture_path(&file, picture);
                 let read = textures.entry(path.clone()).or_insert_with(|| read_texture(&path, warnings));
                 read.clone()
             });
-            let black = material.diffuse == Some([0.0; 3]);
-            let albedo = match material.diffuse {
+            let black = material.albedo == Some(Rgb::ZERO);
+            let albedo = match material.albedo {
                 // Exporters write a black Kd beside a texture and mean the texture.
                 _ if texture.is_some() && black => Rgb::ONE,
-                Some(kd) => Rgb::from_array(kd),
+                Some(albedo) => albedo,
                 None if texture.is_some() => Rgb::ONE,
                 None => DEFAULT_ALBEDO,
             };
-            let radiance = material.emissive.map_or(Rgb::ZERO, Rgb::from_array);
+            let radiance = material.radiance.unwrap_or(Rgb::ZERO);
             self.materials.insert(material.name, Material { file: file.clone(), albedo, radiance, texture });
         }
         if !beyond.is_empty() {

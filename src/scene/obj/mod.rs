@@ -1,10 +1,10 @@
 //! Reads Wavefront OBJ meshes: polygons, negative indices, vertex colours, materials.
 //!
-//! One mesh per material. Geometry is read here, because every problem is to be named with its line; material
-//! libraries are read by tobj.
+//! One mesh per material. Every problem is named with its line.
 
 mod finish;
 mod library;
+mod statements;
 
 use std::collections::HashMap;
 use std::fs::File;

@@ -12,6 +12,9 @@ use crate::scene::ply::scalar::Scalar;
 /// Headers end within this many bytes; what is longer is not a header but a file without `end_header`.
 pub const MAX_HEADER_BYTES: usize = 1 << 20;
 
+/// Lines without a keyword that are forgiven; somebody may have forgotten `comment` before a paragraph.
+const MOST_IGNORED: usize = 16;
+
 /// How the body's numbers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Encoding {
@@ -112,6 +115,9 @@ impl Header {
         match lines.next() {
             Some(first) if first.trim() == "ply" => {}
             _ if bytes.is_empty() => return Err(refuse(1, "the file is empty, not a PLY".into())),
+            _ if bytes.starts_with(b"\xef\xbb\xbfply") => {
+                return Err(refuse(1, "a byte-order mark stands before `ply`".into()));
+            }
             _ => return Err(refuse(1, "expected `ply`, this is not a PLY file".into())),
         }
         let mut encoding = None;
@@ -133,6 +139,9 @@ impl Header {
                 None => {}
                 Some("end_header") => break,
                 Some("comment" | "obj_info") => header.comments.push(rest_of(&line)),
+                Some("format") if encoding.is_some() => {
+                    return Err(refuse(lines.number, "a second `format` line".into()));
+                }
                 Some("format") => encoding = Some(format(&words).map_err(|p| refuse(lines.number, p))?),
                 Some("element") => {
                     header.elements.push(element(&words).map_err(|p| refuse(lines.number, p))?);
@@ -150,6 +159,12 @@ impl Header {
                         let word: String = word.chars().take(40).collect();
                         let problem = format!(
                             "{word:?} is none of comment, obj_info, format, element, property, end_header"
+                        );
+                        return Err(refuse(lines.number, problem));
+                    }
+                    if header.ignored.len() == MOST_IGNORED {
+                        let problem = format!(
+                            "more than {MOST_IGNORED} lines without a keyword, this is no PLY header"
                         );
                         return Err(refuse(lines.number, problem));
                     }
@@ -182,8 +197,9 @@ impl Header {
                 Some(rest) => left = rest,
                 None => {
                     let problem = format!(
-                        "truncated: {} rows are promised, the {left} bytes that are left cannot hold them",
-                        element.count
+                        "truncated: {} rows are promised, the {} bytes that are left cannot hold them",
+                        element.count,
+                        left.saturating_sub(slack)
                     );
                     return Err(Error::input(path, place, problem, "get the whole file"));
                 }

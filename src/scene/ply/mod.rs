@@ -43,6 +43,15 @@ pub fn read(path: &Path) -> Result<Contents> {
         warn("lines follow after the last row that the header promises; they were ignored".to_string());
     }
     let short = tables.faces.short;
+    if tables.faces.is_empty() {
+        let (place, what) = match short.times {
+            0 => ("element tristrips".to_string(), "strips".to_string()),
+            times => (format!("face row {}", short.first), format!("{times} faces")),
+        };
+        let problem = format!("no triangle: all {what} have fewer than 3 corners");
+        let remedy = "give a mesh with faces, or correct the header's counts";
+        return Err(Error::input(path, place, problem, remedy));
+    }
     if short.times > 0 {
         warn(format!("{} faces with fewer than 3 corners skipped (first: row {})", short.times, short.first));
     }

@@ -71,7 +71,8 @@ impl Reader<'_> {
                 None if needed => format!("a {kind} needs {key}"),
                 _ => continue,
             };
-            let remedy = format!("add {key} = [x, y, z]");
+            let is_light = ["irradiance", "intensity"].contains(&key);
+            let remedy = format!("add {key} = {}", if is_light { "[r, g, b]" } else { "[x, y, z]" });
             return Err(self.refuse(table.kind.span(), &format!("lamp.{key}"), problem, &remedy));
         }
         let direction = match &table.direction {
@@ -108,11 +109,16 @@ impl Reader<'_> {
         }
         let up = table.up.as_ref().map_or(Ok(up), |value| self.direction(value, "camera.up"))?;
         let fov_degrees = self.within(&table.fov, "camera.fov", 40.0, 0.01..=179.0)? as f32;
-        let size = table.size.as_ref().map_or([1280, 720], |size| *size.get_ref());
-        if let Some(at) = table.size.as_ref().filter(|_| size.iter().any(|&n| n == 0 || n > 1 << 16)) {
+        let size = match &table.size {
+            None => [1280.0, 720.0],
+            Some(size) => self.numbers(size, "camera.size")?,
+        };
+        let is_whole = |n: f64| (1.0..=65536.0).contains(&n) && n.fract() == 0.0;
+        if let Some(at) = table.size.as_ref().filter(|_| !size.into_iter().all(is_whole)) {
             let problem = format!("a picture of {} x {} pixels", size[0], size[1]);
             return Err(self.refuse(at.span(), "camera.size", problem, "give 1 to 65536 pixels each way"));
         }
+        let size = size.map(|n| n as u32);
         let name = table.name.clone().unwrap_or_else(|| numbered("camera", number));
         let rest = Camera { name, eye: Vec3::ZERO, target: Vec3::ZERO, up, fov_degrees, size };
         Ok(WorldCamera { eye, target, rest })

@@ -89,7 +89,7 @@ struct CameraTable {
     target: Placed,
     up: Option<Placed>,
     fov: Option<Placed>,
-    size: Option<Spanned<[u32; 2]>>,
+    size: Option<Placed>,
 }
 
 /// Reads a scene file and everything that it names.
@@ -101,6 +101,10 @@ pub fn read(path: &Path) -> Result<Contents> {
         std::io::ErrorKind::InvalidData => Error::input(path, "text", "not UTF-8", "save the file as UTF-8"),
         _ => Error::io(path, "reading the scene", e),
     })?;
+    if text.contains('\0') {
+        let problem = "it holds zero bytes, so it is no text in UTF-8";
+        return Err(Error::input(path, "text", problem, "save the file as UTF-8"));
+    }
     let reader = Reader { path, text: &text };
     let file: SceneFile = toml::from_str(&text).map_err(|error| reader.syntax(&error))?;
     let mut contents = Contents::default();

@@ -7,9 +7,9 @@ use glam::{DVec3, Vec3};
 use toml::{Spanned, Value};
 
 use super::{Placed, Reader};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, one_line};
 use crate::light::Rgb;
-use crate::scene::materials::check_radiance;
+use crate::scene::materials::{BRIGHTEST, check_radiance};
 
 impl Reader<'_> {
     pub(super) fn line(&self, at: usize) -> usize {
@@ -32,13 +32,23 @@ impl Reader<'_> {
         let place = error.span().map_or("text".to_string(), |span| format!("line {}", self.line(span.start)));
         if message.starts_with("unknown field") {
             let mut quoted = message.split('`').skip(1).step_by(2);
-            let unknown = quoted.next().unwrap_or_default();
-            let nearest = quoted.min_by_key(|known| edit_distance(unknown, known)).unwrap_or_default();
+            let unknown = one_line(quoted.next().unwrap_or_default(), 40);
+            let known: Vec<&str> = quoted.collect();
+            let nearest = known.iter().min_by_key(|known| edit_distance(&unknown, known));
+            let near = nearest.filter(|known| edit_distance(&unknown, known) <= 1 + known.len() / 3);
+            let remedy = match near {
+                Some(near) => format!("the nearest valid key is `{near}`"),
+                None => format!("valid keys are {}", known.join(", ")),
+            };
             let place = format!("{place}, key {unknown}");
-            let remedy = format!("the nearest valid key is `{nearest}`");
             return Error::input(self.path, place, format!("unknown key `{unknown}`"), remedy);
         }
-        Error::input(self.path, place, message.trim().replace('\n', " "), "correct the scene file")
+        if let Some(missing) = message.strip_prefix("missing field `").and_then(|rest| rest.strip_suffix('`'))
+        {
+            let problem = format!("the key `{missing}` is missing");
+            return Error::input(self.path, place, problem, format!("add {missing} = ..."));
+        }
+        Error::input(self.path, place, in_our_words(message), "correct the scene file")
     }
 
     /// The path that a file key means; it must exist.
@@ -47,7 +57,8 @@ impl Reader<'_> {
         if path.is_file() {
             return Ok(path);
         }
-        let problem = format!("{} does not exist", path.display());
+        let what = if path.exists() { "is no file" } else { "does not exist" };
+        let problem = format!("{} {what}", path.display());
         Err(self.refuse(file.span(), key, problem, "paths are relative to the scene file: correct it"))
     }
 
@@ -70,7 +81,8 @@ impl Reader<'_> {
         let expected = || format!("{N} numbers are expected");
         let remedy = format!("give an array of {N} numbers");
         let Value::Array(array) = value.get_ref() else {
-            return Err(self.refuse(value.span(), key, expected(), &remedy));
+            let problem = format!("{}, found {}", expected(), value.get_ref().type_str());
+            return Err(self.refuse(value.span(), key, problem, &remedy));
         };
         if array.len() != N {
             let problem = format!("{}, found {}", expected(), array.len());
@@ -106,8 +118,8 @@ impl Reader<'_> {
 
     pub(super) fn light(&self, value: &Placed, key: &str) -> Result<Rgb> {
         let light = self.colour(value, key)?;
-        let remedy = "give finite values of 0 or more";
-        check_radiance(light).map_err(|problem| self.refuse(value.span(), key, problem, remedy))?;
+        let remedy = format!("give values from 0 to {BRIGHTEST:e}");
+        check_radiance(light).map_err(|problem| self.refuse(value.span(), key, problem, &remedy))?;
         Ok(light)
     }
 
@@ -126,6 +138,27 @@ impl Reader<'_> {
         let remedy = format!("give a value from {} to {}", range.start(), range.end());
         Err(self.refuse(value.span(), key, format!("{number} is out of range"), &remedy))
     }
+}
+
+/// The TOML reader's complaint without the names of Rust's types.
+fn in_our_words(message: &str) -> String {
+    if let Some((number, _)) = message.trim().split_once(" as i128, expected") {
+        return format!("{} is too large", number.trim_start_matches("invalid type: "));
+    }
+    let mut said = message.trim().replace('\n', " ");
+    for (theirs, ours) in [
+        ("expected i64", "expected an integer"),
+        ("expected u32", "expected a whole number"),
+        (" as i128", ""),
+        ("expected struct MeshTable", "expected a table"),
+        ("expected struct TransformTable", "expected a table"),
+        ("expected struct SkyTable", "expected a table"),
+        ("expected struct LampTable", "expected a table"),
+        ("expected struct CameraTable", "expected a table"),
+    ] {
+        said = said.replace(theirs, ours);
+    }
+    said
 }
 
 /// Levenshtein distance between two short words.

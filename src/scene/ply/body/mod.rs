@@ -53,7 +53,10 @@ pub fn read(path: &Path, mut file: File, file_bytes: u64, header: &Header) -> Re
         |wanted: Part| parts.iter().position(|&part| part == wanted).and_then(|at| columns[at].roles[COLOUR]);
     let vertex_columns = parts.iter().position(|&part| part == Part::Vertices).map(|at| &columns[at]);
     let vertex_columns = vertex_columns.filter(|columns| columns.has(POSITION)).ok_or_else(|| {
-        Error::input(path, "element vertex", "no x, y and z properties", "give the file's vertices positions")
+        let vertices = parts.iter().position(|&part| part == Part::Vertices);
+        let names = vertices.map_or(String::new(), |at| property_names(&header.elements[at]));
+        let problem = format!("no numbers called x, y and z (properties: {names})");
+        Error::input(path, "element vertex", problem, "give every vertex a position")
     })?;
     // Counts are below the file's size by now, and indices are 32 bits wide.
     let vertex_count = u32::try_from(count(Part::Vertices)).map_err(|_| {
@@ -129,7 +132,7 @@ fn read_text<'a>(
     Ok(())
 }
 
-/// Finds the tables of a mesh; the first of a kind counts.
+/// Finds the tables of a mesh, one of a kind.
 fn parts(path: &Path, header: &Header) -> Result<Vec<Part>> {
     let mut parts: Vec<Part> = Vec::new();
     for element in &header.elements {
@@ -139,7 +142,11 @@ fn parts(path: &Path, header: &Header) -> Result<Vec<Part>> {
             "tristrips" if Columns::of(element).has_indices() => Part::Strips,
             _ => Part::Skipped,
         };
-        parts.push(if parts.contains(&part) { Part::Skipped } else { part });
+        if part != Part::Skipped && parts.contains(&part) {
+            let problem = format!("a second element of the kind {}", element.name);
+            return Err(Error::input(path, "header", problem, "merge both into one"));
+        }
+        parts.push(part);
     }
     let names: Vec<&str> = header.elements.iter().map(|element| element.name.as_str()).collect();
     if !parts.contains(&Part::Vertices) {
@@ -149,6 +156,21 @@ fn parts(path: &Path, header: &Header) -> Result<Vec<Part>> {
     let has = |part, element: &Element| part == Part::Faces || (part == Part::Strips && element.count > 0);
     let full =
         parts.iter().zip(&header.elements).any(|(&part, element)| has(part, element) && element.count > 0);
+    let nameless = |element: &&Element| {
+        matches!(element.name.as_str(), "face" | "faces" | "tristrips") && element.count > 0
+    };
+    if let Some(element) = header.elements.iter().find(nameless).filter(|_| !full) {
+        let names = property_names(element);
+        let problem =
+            format!("no list of integers called vertex_indices or vertex_index (properties: {names})");
+        let place = format!("element {}", element.name);
+        return Err(Error::input(
+            path,
+            place,
+            problem,
+            "name the list of corners so, or export the file again",
+        ));
+    }
     if !full {
         let problem =
             format!("no faces, so this is a point cloud, not a mesh (elements: {})", listed(&names));
@@ -156,6 +178,10 @@ fn parts(path: &Path, header: &Header) -> Result<Vec<Part>> {
         return Err(Error::input(path, "header", problem, remedy));
     }
     Ok(parts)
+}
+
+fn property_names(element: &Element) -> String {
+    listed(&element.properties.iter().map(|property| property.name.as_str()).collect::<Vec<_>>())
 }
 
 fn listed(names: &[&str]) -> String {

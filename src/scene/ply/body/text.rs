@@ -93,7 +93,9 @@ impl<R: BufRead> Body<'_, R> {
                 Ok(0) => {
                     let problem =
                         format!("truncated: {} rows are promised, the file holds {number}", element.count);
-                    return Err(self.refuse(element, number, problem));
+                    let place = format!("line {}, {} row {number}", self.line, element.name);
+                    let remedy = "get the whole file, or correct the counts in its header";
+                    return Err(Error::input(self.path, place, problem, remedy));
                 }
                 Ok(_) => self.line += 1,
                 Err(error) => return Err(Error::io(self.path, format!("reading line {}", self.line), error)),
@@ -120,6 +122,8 @@ fn lenient(text: &str, definition: &ElementDef) -> Result<Record, String> {
         let word = words.next().ok_or("fewer numbers than the header declares")?;
         word.parse::<f64>().map_err(|_| format!("{word:?} is no number"))
     };
+    // Debug's digits are few whatever the size.
+    let entries = |length: f64| format!("a list of {} entries", format!("{length:?}").trim_end_matches(".0"));
     let mut record = Record::new();
     for (name, property) in &definition.properties {
         match &property.data_type {
@@ -129,11 +133,11 @@ fn lenient(text: &str, definition: &ElementDef) -> Result<Record, String> {
             PropertyType::List(_, item) => {
                 let length = number()?;
                 if !(length >= 0.0 && length.fract() == 0.0) {
-                    return Err(format!("a list of {length} entries"));
+                    return Err(entries(length));
                 }
                 // A line bounds its list: every entry takes two bytes of it.
                 if length > text.len() as f64 {
-                    return Err(format!("a list of {length} entries in a line of {} bytes", text.len()));
+                    return Err(format!("{} in a line of {} bytes", entries(length), text.len()));
                 }
                 let values = (0..length as usize).map(|_| number()).collect::<Result<Vec<f64>, _>>()?;
                 let integers = !matches!(item, ScalarType::Float | ScalarType::Double);
