@@ -142,7 +142,7 @@ pub fn archive(bytes: &[u8]) {
     }
     let memory = Memory::default();
     let path = Path::new("sites.glow");
-    memory.0.lock().unwrap().insert(partial_path(path), Arc::new(Mutex::new(bytes.to_vec())));
+    memory.0.lock().expect("one thread").insert(partial_path(path), Arc::new(Mutex::new(bytes.to_vec())));
     match Writer::resume_in(Arc::new(memory), path, SITES, archive_digests()) {
         Err(error) => check_refusal(&error),
         Ok((writer, resumed)) => {
@@ -252,30 +252,35 @@ pub struct InMemory(Shared, u64);
 impl Memory {
     /// The bytes of a file.
     pub fn bytes(&self, path: &Path) -> Option<Vec<u8>> {
-        self.0.lock().unwrap().get(path).map(|file| file.lock().unwrap().clone())
+        self.0.lock().expect("one thread").get(path).map(|file| file.lock().expect("one thread").clone())
     }
 }
 
 impl Storage for Memory {
     fn create(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
         let file = Arc::new(Mutex::new(Vec::new()));
-        self.0.lock().unwrap().insert(path.to_path_buf(), file.clone());
+        self.0.lock().expect("one thread").insert(path.to_path_buf(), file.clone());
         Ok(Box::new(InMemory(file, 0)))
     }
 
     fn open(&self, path: &Path) -> io::Result<Box<dyn StoredFile>> {
-        let file = self.0.lock().unwrap().get(path).cloned().ok_or(io::ErrorKind::NotFound)?;
+        let file = self.0.lock().expect("one thread").get(path).cloned().ok_or(io::ErrorKind::NotFound)?;
         Ok(Box::new(InMemory(file, 0)))
     }
 
     fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
-        let file = self.0.lock().unwrap().remove(from).ok_or(io::ErrorKind::NotFound)?;
-        self.0.lock().unwrap().insert(to.to_path_buf(), file);
+        let file = self.0.lock().expect("one thread").remove(from).ok_or(io::ErrorKind::NotFound)?;
+        self.0.lock().expect("one thread").insert(to.to_path_buf(), file);
         Ok(())
     }
 
     fn remove(&self, path: &Path) -> io::Result<()> {
-        self.0.lock().unwrap().remove(path).map(|_| ()).ok_or_else(|| io::ErrorKind::NotFound.into())
+        self.0
+            .lock()
+            .expect("one thread")
+            .remove(path)
+            .map(|_| ())
+            .ok_or_else(|| io::ErrorKind::NotFound.into())
     }
 
     fn create_directory(&self, _: &Path) -> io::Result<()> {
@@ -297,7 +302,7 @@ impl Storage for Memory {
 
 impl Read for InMemory {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        let bytes = self.0.lock().unwrap();
+        let bytes = self.0.lock().expect("one thread");
         let count = Cursor::new(&bytes[(self.1 as usize).min(bytes.len())..]).read(into)?;
         self.1 += count as u64;
         Ok(count)
@@ -306,7 +311,7 @@ impl Read for InMemory {
 
 impl Write for InMemory {
     fn write(&mut self, from: &[u8]) -> io::Result<usize> {
-        let mut bytes = self.0.lock().unwrap();
+        let mut bytes = self.0.lock().expect("one thread");
         let (start, end) = (self.1 as usize, self.1 as usize + from.len());
         let length = bytes.len().max(end);
         bytes.resize(length, 0);
@@ -322,7 +327,7 @@ impl Write for InMemory {
 
 impl Seek for InMemory {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        let length = self.0.lock().unwrap().len() as i64;
+        let length = self.0.lock().expect("one thread").len() as i64;
         let at = match to {
             SeekFrom::Start(at) => at as i64,
             SeekFrom::End(by) => length + by,
@@ -339,7 +344,7 @@ impl StoredFile for InMemory {
     }
 
     fn truncate(&mut self, bytes: u64) -> io::Result<()> {
-        self.0.lock().unwrap().resize(bytes as usize, 0);
+        self.0.lock().expect("one thread").resize(bytes as usize, 0);
         Ok(())
     }
 
