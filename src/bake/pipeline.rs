@@ -326,7 +326,7 @@ fn solve(
     report: &mut PipelineReport,
 ) -> Result<()> {
     let stage = Stage::start(monitor, name, "iterations", None);
-    let params = iteration(work, plan, bounces);
+    let params = iteration(work.largest_albedo(), plan, bounces);
     let gather = |radiosity: &[Rgb]| {
         ledger.keep(Tag::new("product"), 0..work.receivers.len() as u64, || {
             Ok(work.problem().gather(radiosity))
@@ -340,8 +340,8 @@ fn solve(
     Ok(())
 }
 
-fn iteration(work: &Work<'_>, plan: &Plan, bounces: Option<usize>) -> IterateParams {
-    let largest_albedo = work.largest_albedo();
+/// When the solver stops: the tolerance is of the residual, the error is up to 1 / (1 − ρ) times as large.
+pub(super) fn iteration(largest_albedo: f32, plan: &Plan, bounces: Option<usize>) -> IterateParams {
     let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
     IterateParams { tolerance, most: 2000, bounces, largest_albedo }
 }
@@ -359,7 +359,7 @@ fn solve_dense(
     if largest > 1.0 {
         monitor.warn(&format!("rows of the dense operator sum to up to {largest:.2}: it makes light"));
     }
-    let params = iteration(work, plan, bounces);
+    let params = iteration(work.largest_albedo(), plan, bounces);
     let gather = |radiosity: &[Rgb]| {
         ledger.pause()?;
         Ok::<_, Error>(dense.gather(radiosity))
@@ -372,7 +372,8 @@ fn solve_dense(
     Ok(())
 }
 
-fn judge(
+/// Judges a model by independent gathers, and once more by more of them before a plan is thrown away.
+pub(super) fn judge(
     model: &Model,
     plan: &Plan,
     (monitor, ledger): (&dyn Monitor, &Ledger<'_>),

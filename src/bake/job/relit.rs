@@ -3,23 +3,21 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use crate::archive::{Ledger, One, Tag};
+use crate::archive::{Ledger, Tag};
 use crate::bake::laws::Plan;
 use crate::bake::model::{Model, materials};
 use crate::bake::options::Options;
-use crate::bake::pipeline::{PipelineReport, leaf_order};
+use crate::bake::pipeline::{self, PipelineReport, leaf_order};
 use crate::bake::report::progress::{Monitor, Stage};
 use crate::bake::store::{self, Purpose};
-use crate::bake::validate::{self, ValidateParams};
+use crate::bake::work::look;
 use crate::error::Result;
 use crate::light::Rgb;
 use crate::links::Surroundings;
-use crate::links::direct::{Direct, LampLink};
 use crate::links::lamps;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::sites::Sites;
-use crate::solve::iterate::IterateParams;
 
 /// The model of a finished job with the lights and albedos of `scene`, whose geometry is the same.
 ///
@@ -45,15 +43,8 @@ pub fn solve(
     (model.albedo, model.exitance) = materials(&model.scene, &sites, &samples, &glowing);
     let Model { scene, bvh, graph, cells, .. } = &model;
     let around = Surroundings { scene, bvh, sites: &sites, graph, cells };
-    let (offsets, clusters, factors, One(rays)) =
-        ledger.keep(Tag::new("lamps"), 0..sites.len() as u64, || {
-            let direct = Direct::look(around, &samples, &lamps, &model.field.direct);
-            let (clusters, factors): (Vec<u32>, Vec<[f32; 2]>) =
-                direct.links.iter().map(LampLink::to_words).unzip();
-            Ok((direct.offsets, clusters, factors, One(direct.rays)))
-        })?;
-    let links = Iterator::zip(clusters.iter(), &factors).map(LampLink::from_words).collect();
-    model.direct = Direct::from_links(&model.scene, &lamps, (offsets, links));
+    let (direct, rays) = look(around, (&samples, &lamps), &model.field.direct, ledger)?;
+    model.direct = direct;
     (model.lamps, model.sites) = (lamps, sites);
     report.rays += rays;
     stage.advance(model.sites.len() as u64)?;
@@ -61,9 +52,7 @@ pub fn solve(
 
     let stage = Stage::start(monitor, "solve", "iterations", None);
     let largest_albedo = model.albedo.iter().map(|a| a.max_element()).fold(0.0, f32::max);
-    let tolerance = plan.tolerance * f64::from(1.0 - largest_albedo).max(1e-3);
-    let bounces = options.max_bounces.map(|n| n as usize);
-    let params = IterateParams { tolerance, most: 2000, bounces, largest_albedo };
+    let params = pipeline::iteration(largest_albedo, &plan, options.max_bounces.map(|n| n as usize));
     let receivers = 0..model.receivers.len() as u64;
     let gather = |radiosity: &[Rgb]| {
         ledger.keep(Tag::new("product"), receivers.clone(), || Ok(model.problem().gather(radiosity)))
@@ -74,13 +63,7 @@ pub fn solve(
     report.iterate = iterate;
     report.stages.push(stage.finish());
 
-    let stage = Stage::start(monitor, "judge", "points", None);
-    let params =
-        ValidateParams { points: plan.judges, rays: plan.judge_rays, seed: plan.sites.seed ^ 0x1d9e };
-    report.estimate = validate::judge(&model.field(), &params, ledger)?;
-    report.rays += report.estimate.rays;
-    stage.advance(params.points as u64)?;
-    report.stages.push(stage.finish());
+    pipeline::judge(&model, &plan, (monitor, ledger), &mut report)?;
     if report.estimate.error > options.error {
         monitor.warn(&format!(
             "sites lie where the light of before asked for them: estimated error {:.2} %; --restart lays them out anew",

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::links::Surroundings;
-use crate::links::direct::{Direct, LampLink};
+use crate::links::direct::{Direct, DirectParams, LampLink};
 use crate::links::lamps::Lamp;
 use crate::links::receivers::Receivers;
 use crate::links::spread::Spread;
@@ -83,7 +83,7 @@ impl Layout {
         let plots: Vec<Plot> = plots.iter().map(Plot::from_words).collect();
         let (sites, samples) = Sites::settle(arrays, surface, &plots, params.seed);
         let all = 0..sites.len() as u64;
-        let (starts, targets, unclean, One(linked)) = ledger.keep(Tag::new("graph"), all.clone(), || {
+        let (starts, targets, unclean, One(linked)) = ledger.keep(Tag::new("graph"), all, || {
             let (graph, report) = Neighbours::link(&sites, bvh);
             let (starts, targets, unclean) = graph.to_arrays();
             Ok((starts.to_vec(), targets.to_vec(), unclean, One(report.ray_count as u64)))
@@ -93,14 +93,7 @@ impl Layout {
         let means = means(&sites, &samples);
         let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
         let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
-        let (offsets, clusters, factors, One(looked)) = ledger.keep(Tag::new("lamps"), all, || {
-            let direct = Direct::look(around, &samples, lamps, &plan.direct);
-            let (clusters, factors): (Vec<u32>, Vec<[f32; 2]>) =
-                direct.links.iter().map(LampLink::to_words).unzip();
-            Ok((direct.offsets, clusters, factors, One(direct.rays)))
-        })?;
-        let links = Iterator::zip(clusters.iter(), &factors).map(LampLink::from_words).collect();
-        let direct = Direct::from_links(scene, lamps, (offsets, links));
+        let (direct, looked) = look(around, (&samples, lamps), &plan.direct, ledger)?;
         Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays: linked + looked })
     }
 
@@ -109,6 +102,27 @@ impl Layout {
         let (sites, graph, cells) = (&self.sites, &self.graph, &self.cells);
         Surroundings { scene: grounds.scene, bvh: grounds.bvh, sites, graph, cells }
     }
+}
+
+/// Looks at the lamps from every site, as one block; also says how many rays that took.
+///
+/// # Errors
+/// The ledger's.
+pub fn look(
+    around: Surroundings<'_>,
+    (samples, lamps): (&Samples, &[Lamp]),
+    params: &DirectParams,
+    ledger: &Ledger<'_>,
+) -> Result<(Direct, u64)> {
+    let all = 0..around.sites.len() as u64;
+    let (offsets, clusters, factors, One(rays)) = ledger.keep(Tag::new("lamps"), all, || {
+        let direct = Direct::look(around, samples, lamps, params);
+        let (clusters, factors): (Vec<u32>, Vec<[f32; 2]>) =
+            direct.links.iter().map(LampLink::to_words).unzip();
+        Ok((direct.offsets, clusters, factors, One(direct.rays)))
+    })?;
+    let links = clusters.iter().zip(&factors).map(LampLink::from_words).collect();
+    Ok((Direct::from_links(around.scene, lamps, (offsets, links)), rays))
 }
 
 fn means(sites: &Sites, samples: &Samples) -> Vec<SurfacePoint> {
