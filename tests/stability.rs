@@ -28,7 +28,7 @@ fn holds(number: usize) {
 }
 
 /// What does not hold yet (row, number, value that it must not exceed): the verb says FAIL, and docs/stability.md why.
-const OPEN: [(usize, &str, f64); 1] = [(12, "blocks through each other: contrast of flat parts", 0.02)];
+const OPEN: [(usize, &str, f64); 1] = [(12, "blocks through each other: contrast of flat parts", 0.03)];
 
 /// The sabotage of row 16, which has no textbook scheme: at a tenth of the accuracy two seeds differ by more than its limit.
 #[test]

@@ -122,7 +122,8 @@ pub fn look(
         Ok((direct.offsets, clusters, factors, One(direct.rays)))
     })?;
     let links = clusters.iter().zip(&factors).map(LampLink::from_words).collect();
-    Ok((Direct::from_links(around.scene, lamps, (offsets, links)), rays))
+    let direct = Direct { rays, ..Direct::from_links(around.scene, lamps, (offsets, links)) };
+    Ok((direct, rays))
 }
 
 fn means(sites: &Sites, samples: &Samples) -> Vec<SurfacePoint> {
