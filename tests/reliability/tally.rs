@@ -59,18 +59,23 @@ impl Tally {
         self.asked.fetch_min(all, Ordering::Relaxed).min(all)
     }
 
-    /// One trial; a panic in it is a broken promise.
+    /// One trial of those asked for.
     pub fn trial(&self, name: &str, run: impl FnOnce() -> Trial) {
+        self.check(name, run);
+        self.count(1);
+    }
+
+    /// What is looked at on the way; a panic in it is a broken promise.
+    pub fn check(&self, name: &str, run: impl FnOnce() -> Trial) {
         let outcome = catch_unwind(AssertUnwindSafe(run));
         match outcome.unwrap_or_else(|_| broken("panicked")) {
             Ok(()) => {}
             Err(Bad::Wrong(why)) => self.fail(&self.wrong, 1, format!("{name}: wrong: {why}")),
             Err(Bad::Lost(blocks, why)) => {
-                self.fail(&self.lost, blocks.max(1), format!("{name}: lost: {why}"))
+                self.fail(&self.lost, blocks.max(1), format!("{name}: lost: {why}"));
             }
             Err(Bad::Broken(why)) => self.fail(&self.broken, 1, format!("{name}: {why}")),
         }
-        self.done.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Trials 0 to `count`, some at once.

@@ -59,7 +59,7 @@ pub fn at_random_times(_: &Ask, tally: &Tally) {
                 kills += 1;
                 tally.count(1);
             } else {
-                tally.trial(&format!("bake {bakes}"), || finished(&ground, &job, &before, &said));
+                tally.check(&format!("bake {bakes}"), || finished(&ground, &job, &before, &said));
             }
         }
         bakes += 1;
@@ -83,7 +83,7 @@ pub fn asked_to_stop(_: &Ask, tally: &Tally) {
     let long = started.elapsed();
     // A fifth of the trials stop a bake of seconds, in which all stages take long enough to be hit.
     let cornell = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/cornell/scene.toml");
-    let slow = Slow::new(cornell, ground.path("slow"));
+    let slow = Slow::new(cornell, &ground.path("slow"));
     let slowest = Mutex::new(Duration::ZERO);
     let stopped = AtomicU64::new(0);
     tally.trials(tally.asked(), |trial| {
@@ -130,12 +130,12 @@ struct Slow {
 }
 
 impl Slow {
-    fn new(scene: PathBuf, job: PathBuf) -> Self {
+    fn new(scene: PathBuf, job: &Path) -> Self {
         let mut slow = Self { scene, files: Default::default(), long: Duration::ZERO };
         let started = Instant::now();
-        let said = program::run(&mut slow.command(&job));
+        let said = program::run(&mut slow.command(job));
         assert_eq!(said.code, 0, "{}", said.in_words());
-        (slow.long, slow.files) = (started.elapsed(), contents(&job));
+        (slow.long, slow.files) = (started.elapsed(), contents(job));
         slow
     }
 

@@ -113,7 +113,7 @@ impl Story {
 
     /// How many whole blocks and archives are there; wrong when one is not true, lost when a promised one is missing.
     pub fn examine(&self, files: &BTreeMap<PathBuf, Vec<u8>>, promised: &Promised) -> Result<u64, Bad> {
-        for path in promised.keys().filter(|path| !files.contains_key(*path)) {
+        if let Some(path) = promised.keys().find(|path| !files.contains_key(*path)) {
             return Err(Bad::Lost(1, format!("{} was durable", path.display())));
         }
         let mut kept = 0;
