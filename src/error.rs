@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 /// A result whose error is [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// What a file system takes for the smallest thing: said to be missing where nothing better is known.
+const LEAST_BYTES: u64 = 4096;
+
 /// What went wrong, where, and what to do about it. Each variant has one exit code (see [`Error::exit_code`]).
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -53,6 +56,12 @@ pub enum Error {
         needed_bytes: u64,
         /// The budget.
         budget_bytes: u64,
+    },
+    /// The system gave no more memory.
+    #[error("{action}: the system has no memory left for this; end other programs or raise its limits")]
+    OutOfMemory {
+        /// What was being done.
+        action: String,
     },
     /// The job directory holds a job made from other inputs or options.
     #[error("{}: the job was made with other inputs or options: {difference}; choose another -o, or --restart", job.display())]
@@ -162,7 +171,7 @@ impl Error {
             Self::Usage(_) => 2,
             Self::JobDiffers { .. } => 3,
             Self::Input { .. } => 4,
-            Self::Memory { .. } => 6,
+            Self::Memory { .. } | Self::OutOfMemory { .. } => 6,
             Self::DiskFull { .. } => 7,
             Self::Io { .. } => 8,
             Self::Damaged { .. } | Self::DamagedJob { .. } => 9,
@@ -186,13 +195,35 @@ impl Error {
         Self::Input { file: file.into(), place, problem, remedy }
     }
 
-    /// An [`Error::Io`], or [`Error::DiskFull`] when that is what the system said.
+    /// An [`Error::Io`], or [`Error::DiskFull`] or [`Error::OutOfMemory`] when that is what the system said.
     pub fn io(file: impl Into<PathBuf>, action: impl Into<String>, source: std::io::Error) -> Self {
-        let file = file.into();
-        if source.kind() == std::io::ErrorKind::StorageFull {
-            return Self::DiskFull { file, needed_bytes: 0 };
+        use std::io::ErrorKind::{OutOfMemory, QuotaExceeded, StorageFull};
+        let (file, action) = (file.into(), action.into());
+        match source.kind() {
+            StorageFull | QuotaExceeded => Self::DiskFull { file, needed_bytes: LEAST_BYTES },
+            OutOfMemory => Self::OutOfMemory { action: format!("{}: {action}", file.display()) },
+            _ => Self::Io { file, action, source },
         }
-        Self::Io { file, action: action.into(), source }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::ErrorKind;
+
+    #[test]
+    fn what_the_system_lacks_has_its_own_codes_and_never_lacks_nothing() {
+        for (kind, code) in [
+            (ErrorKind::StorageFull, 7),
+            (ErrorKind::QuotaExceeded, 7),
+            (ErrorKind::OutOfMemory, 6),
+            (ErrorKind::PermissionDenied, 8),
+        ] {
+            let error = Error::io("job", "writing", kind.into());
+            assert_eq!(error.exit_code(), code, "{kind}");
+            assert!(!error.to_string().contains(" 0 more bytes"), "{error}");
+        }
     }
 }
 

@@ -92,6 +92,36 @@ fn a_job_answers_and_says_when_nothing_is_left() {
 }
 
 #[test]
+fn a_finished_job_that_lost_a_file_gets_it_back() {
+    let place = Place::new();
+    place.baked("job");
+    for name in ["scene.glow", "sites.glow", "links.glow", "light.glow"] {
+        let path = place.path("job").join(name);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        place.baked("job");
+        assert!(std::fs::read(&path).unwrap() == bytes, "{name} is another");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn an_allocation_that_fails_is_code_6_and_no_crash() {
+    let place = Place::new();
+    let program = env!("CARGO_BIN_EXE_glowtree");
+    // 60 MB of addresses: the program starts, a table of a hundred million pixels does not fit.
+    let mut scene = std::fs::read_to_string(place.path("scene.toml")).unwrap();
+    scene = scene.replace("size = [48, 32]", "size = [10000, 10000]");
+    std::fs::write(place.path("scene.toml"), scene).unwrap();
+    let script = format!("ulimit -v 60000; exec {program} bake scene.toml -o job --error 20% -q -j 1");
+    let mut shell = std::process::Command::new("sh");
+    let output = shell.args(["-c", &script]).current_dir(place.path("")).output().unwrap();
+    assert_eq!(code(&output), 6, "{}", stderr(&output));
+    // What was done is kept.
+    assert!(exists(&place.path("job/light.glow")));
+}
+
+#[test]
 fn probe_keeps_columns_and_reference_agrees() {
     let place = Place::new();
     place.baked("job");

@@ -133,9 +133,9 @@ impl StoredFile for File {
     #[cfg(target_os = "linux")]
     fn reserve(&mut self, end: u64) -> io::Result<()> {
         use rustix::fs::{FallocateFlags, fallocate};
-        use rustix::io::Errno;
+        use rustix::io::{Errno, retry_on_intr};
         // KEEP_SIZE: a resume must see how far the writing came, not how far the reservation did.
-        match fallocate(&*self, FallocateFlags::KEEP_SIZE, 0, end.max(1)) {
+        match retry_on_intr(|| fallocate(&*self, FallocateFlags::KEEP_SIZE, 0, end.max(1))) {
             Err(Errno::OPNOTSUPP | Errno::NOSYS) => Ok(()),
             outcome => outcome.map_err(io::Error::from),
         }

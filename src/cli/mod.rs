@@ -22,6 +22,7 @@ const OTHER_ERROR: u8 = 1;
 
 /// Runs the program on the process's arguments.
 pub fn main() -> ExitCode {
+    console::signals::leave_orderly_without_memory();
     let words: Vec<OsString> = std::env::args_os().collect();
     let arguments = match parse(&words) {
         Ok(arguments) => arguments,
@@ -71,11 +72,13 @@ fn parse(words: &[OsString]) -> std::result::Result<Arguments, ExitCode> {
     })
 }
 
-/// Sizes the one pool of threads that every stage shares.
+/// Starts the one pool of threads that every stage shares. Left to itself it would start at its first use, and panic if
+/// the system gives no memory for stacks.
 fn use_threads(manners: &Manners) -> Result<()> {
-    let Some(threads) = manners.threads else { return Ok(()) };
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
-    pool.map_err(|e| Error::Usage(format!("--threads {threads}: {e}")))
+    // Zero is as many as there are processors.
+    let threads = manners.threads.unwrap_or(0) as usize;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+    pool.map_err(|e| Error::OutOfMemory { action: format!("starting threads: {e}") })
 }
 
 fn run(verb: &Verb, console: &Console) -> Result<()> {

@@ -35,7 +35,8 @@ impl<'a> Work<'a> {
         (pause, monitor): (Pause<'a>, &'a dyn Monitor),
     ) -> Result<Self> {
         let folder = job.join(WORK_FOLDER);
-        storage.create_directory(&folder).map_err(|e| Error::io(&folder, "making the folder", e))?;
+        super::side::make_directory(storage, &folder)
+            .map_err(|e| Error::io(&folder, "making the folder", e))?;
         let counts = Arc::new(Counts::default());
         let (rounds, _) = Ledger::resume(storage, &folder.join("rounds"), digests, (pause, &counts))?;
         Ok(Self { storage, folder, digests, pause, monitor, rounds, counts })

@@ -3,6 +3,7 @@
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::bake::report::progress::Monitor;
 use crate::error::{Error, Result};
@@ -37,7 +38,7 @@ impl Lock {
                 Err(TryLockError::Error(_)) => !lives(&holder(&mut file)),
             };
             if !free {
-                return Err(Error::JobLocked { job: job.into(), holder: named(&holder(&mut file)) });
+                return Err(Error::JobLocked { job: job.into(), holder: named(&patient_holder(&mut file)) });
             }
             // The holder before may have removed the file that was opened here.
             if !is_at(&file, &path) {
@@ -74,6 +75,18 @@ fn holder(file: &mut File) -> String {
     let mut text = Vec::new();
     let read = file.rewind().and_then(|()| file.take(256).read_to_end(&mut text));
     if read.is_err() { String::new() } else { String::from_utf8_lossy(&text).trim().to_owned() }
+}
+
+/// Who holds the lock, who may be about to write it down: that takes microseconds, unless the machine is busy.
+fn patient_holder(file: &mut File) -> String {
+    for _ in 0..100 {
+        let name = holder(file);
+        if !name.is_empty() {
+            return name;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    String::new()
 }
 
 fn named(holder: &str) -> String {
@@ -130,6 +143,20 @@ mod tests {
         drop(first);
         assert!(!job.path().join(LOCK_FILE).exists());
         assert!(Lock::take(job.path(), &Silent).is_ok());
+    }
+
+    #[test]
+    fn a_holder_that_has_not_yet_written_its_name_is_waited_for() {
+        let job = tempfile::tempdir().unwrap();
+        let mut file = File::create(job.path().join(LOCK_FILE)).unwrap();
+        file.try_lock().unwrap();
+        let refused = std::thread::scope(|scope| {
+            let refused = scope.spawn(|| Lock::take(job.path(), &Silent).unwrap_err());
+            std::thread::sleep(Duration::from_millis(20));
+            file.write_all(b"process 7 on a-host\n").unwrap();
+            refused.join().unwrap()
+        });
+        assert!(refused.to_string().contains("process 7 on a-host"), "{refused}");
     }
 
     #[test]

@@ -151,7 +151,7 @@ struct Subject {
 
 impl Bake<'_> {
     fn run(&self, job: &Path) -> Result<Summary> {
-        let made = self.storage.create_directory(job);
+        let made = side::make_directory(self.storage, job);
         made.map_err(|e| Error::io(job, "making the job directory", e))?;
         let mut lock = Lock::take(job, self.monitor)?;
         if self.options.restart && job.join(OPTIONS_FILE).exists() {
@@ -166,7 +166,8 @@ impl Bake<'_> {
         }
         let subject = self.subject()?;
         let before = side::read::<Inputs>(&job.join(INPUTS_FILE))?;
-        let finished = job.join(SUMMARY_FILE).exists();
+        // Files that were lost are made again.
+        let finished = job.join(SUMMARY_FILE).exists() && store::is_complete(job);
         match before.map_or(Change::Nothing, |before| before.change(&subject.inputs)) {
             Change::Geometry(what) => Err(differs(what)),
             Change::Light(what) if finished => {
@@ -232,12 +233,14 @@ impl Bake<'_> {
         name.push(".new");
         let beside = PathBuf::from(name);
         let failed = |action: &'static str| move |e| Error::io(job, action, e);
-        self.storage.create_directory(&beside).map_err(failed("making a directory beside it"))?;
+        side::make_directory(self.storage, &beside).map_err(failed("making a directory beside it"))?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
         let summary = self.bake(&beside, subject, old)?;
         self.storage.exchange(job, &beside).map_err(failed("putting the new job in its place"))?;
         lock.moved(&beside);
         lock_beside.moved(job);
+        // Before anything of the old job goes: else a power loss may take its files and give it its name back.
+        side::sync_name(self.storage, job).map_err(failed("making the new job's place durable"))?;
         self.storage.remove_directory(&beside).map_err(failed("removing what it replaces"))?;
         Ok(summary)
     }

@@ -33,8 +33,35 @@ pub fn write(storage: &Arc<dyn Storage>, path: &Path, value: &impl Serialize) ->
     file.write_all(text.as_bytes()).and_then(|()| file.sync()).map_err(failed)?;
     drop(file);
     storage.rename(&partial, path).map_err(failed)?;
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    storage.sync_directory(folder).map_err(failed)
+    storage.sync_directory(folder_of(path)).map_err(failed)
+}
+
+/// Makes a directory whose name lasts: those that hold it, and those that had to be made above it, are synced.
+///
+/// # Errors
+/// What the system says.
+pub fn make_directory(storage: &Arc<dyn Storage>, path: &Path) -> io::Result<()> {
+    let named = |above: &&Path| !above.as_os_str().is_empty();
+    let above = path.ancestors().take_while(named).skip(1);
+    let made = above.take_while(|above| !above.exists()).count();
+    storage.create_directory(path)?;
+    path.ancestors().take_while(named).take(made + 1).try_for_each(|path| sync_name(storage, path))
+}
+
+/// Makes the name of something durable: syncs the directory that holds it.
+///
+/// # Errors
+/// What the system says.
+pub fn sync_name(storage: &Arc<dyn Storage>, path: &Path) -> io::Result<()> {
+    match storage.sync_directory(folder_of(path)) {
+        // A directory that may be written but not read cannot be synced. It is no reason to refuse work.
+        Err(e) if e.kind() == io::ErrorKind::PermissionDenied => Ok(()),
+        outcome => outcome,
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Reads a value back; None where there is no such file.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::{JoinHandle, park_timeout, spawn};
+use std::thread::{Builder, JoinHandle, park_timeout};
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
@@ -64,13 +64,14 @@ impl Meter {
         let peak_anonymous = Arc::new(AtomicU64::new(resident().anonymous_bytes));
         let stop = Arc::new(AtomicBool::new(false));
         let (peak, stopped) = (Arc::clone(&peak_anonymous), Arc::clone(&stop));
-        let sampler = spawn(move || {
+        let sampler = Builder::new().spawn(move || {
             while !stopped.load(Ordering::Relaxed) {
                 peak.fetch_max(resident().anonymous_bytes, Ordering::Relaxed);
                 park_timeout(SAMPLE_INTERVAL);
             }
         });
-        Self { watch: Stopwatch::start(), peak_anonymous, stop, sampler: Some(sampler) }
+        // Without memory for a thread, whoever asks samples.
+        Self { watch: Stopwatch::start(), peak_anonymous, stop, sampler: sampler.ok() }
     }
 
     /// What has been used since the start; resident memory is the process's peak.
@@ -89,6 +90,9 @@ impl Meter {
 impl Meter {
     /// Largest anonymous resident memory seen so far; cheap enough for every block.
     pub fn peak_anonymous_bytes(&self) -> u64 {
+        if self.sampler.is_none() {
+            self.peak_anonymous.fetch_max(resident().anonymous_bytes, Ordering::Relaxed);
+        }
         self.peak_anonymous.load(Ordering::Relaxed)
     }
 }

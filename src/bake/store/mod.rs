@@ -107,6 +107,11 @@ pub fn write_to(shelf: &Shelf<'_>, model: &Model) -> Result<StoreReport> {
     Ok(report)
 }
 
+/// Whether all of a job's files are there, damaged or not.
+pub fn is_complete(job: &Path) -> bool {
+    FILES.iter().all(|(kind, _)| job.join(format!("{kind}.glow")).is_file())
+}
+
 /// Whether a finished file made from the same is there.
 fn is_there(path: &Path, digests: Digests) -> bool {
     Archive::open(path).is_ok_and(|archive| archive.expect(digests.inputs, digests.options).is_ok())

@@ -7,7 +7,7 @@ pub mod signals;
 use std::io::{self, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{JoinHandle, park_timeout, spawn};
+use std::thread::{Builder, JoinHandle, park_timeout};
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
@@ -84,7 +84,9 @@ impl Console {
             closed: AtomicBool::new(false),
         });
         let watched = Arc::clone(&shared);
-        Self { shared, ticker: Mutex::new(Some(spawn(move || watched.tick()))) }
+        // Without memory for a thread there is no progress to see.
+        let ticker = Builder::new().spawn(move || watched.tick());
+        Self { shared, ticker: Mutex::new(ticker.ok()) }
     }
 
     /// Stops the ticker and removes bars; messages still go through.

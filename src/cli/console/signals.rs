@@ -1,15 +1,43 @@
 //! SIGINT and SIGTERM: the first asks to stop, the second stops. SIGBUS: a mapped file was cut short while it was read.
+//! SIGABRT: memory ran out.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::consts::{SIGABRT, SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use super::json::{self, Line};
 use crate::archive;
 use crate::bake::Signal;
 use crate::error::Error;
+
+/// The exit code when memory runs out.
+const OUT_OF_MEMORY: i32 = 6;
+
+/// An allocation that fails says so on standard error and then aborts: nothing can be unwound without memory. To whoever
+/// runs the program that is a case of too little memory, code 6, and no crash; files are write-once, so leaving at any
+/// moment is safe. Aborts with a panic under way (in a destructor, say) are faults of the program and stay what they are.
+/// To be called before anything that allocates much.
+pub fn leave_orderly_without_memory() {
+    let armed = Arc::new(AtomicBool::new(true));
+    let disarm = Arc::clone(&armed);
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !is_for_memory(panic) {
+            disarm.store(false, Ordering::Relaxed);
+        }
+        usual(panic);
+    }));
+    let _ = flag::register_conditional_shutdown(SIGABRT, OUT_OF_MEMORY, armed);
+}
+
+/// Whether the system refused memory: the standard library panics, and aborts, when there is none for a new thread's
+/// signal stack.
+fn is_for_memory(panic: &std::panic::PanicHookInfo<'_>) -> bool {
+    const REFUSED: &str = "Cannot allocate memory";
+    panic.payload().downcast_ref::<String>().is_some_and(|text| text.contains(REFUSED))
+}
 
 /// What the signal handlers leave behind.
 #[derive(Debug, Clone)]
