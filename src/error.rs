@@ -225,11 +225,6 @@ mod tests {
             assert!(!error.to_string().contains(" 0 more bytes"), "{error}");
         }
     }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
 
     #[test]
     fn facts_are_single_short_lines() {
