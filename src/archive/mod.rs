@@ -36,7 +36,7 @@ mod writer;
 
 pub use digest::Digest;
 pub use layout::{ALIGNMENT, Digests, Entry, FORMAT_VERSION, PLAIN, SUPERBLOCK_BYTES, Tag};
-pub use ledger::parcel::{Keep, One, Parcel};
+pub use ledger::parcel::{Keep, One, Parcel, Parts};
 pub use ledger::{Counts, Ledger, Pause};
 #[cfg(unix)]
 pub use map::leave_when_cut;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use bytemuck::Pod;
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::layout::{Directory, HEADER_BYTES, Superblock, TRAILER_BYTES, Trailer, content, padding};
 use super::verify::scan;
@@ -231,27 +231,53 @@ impl Writer {
         )
     }
 
+    /// Appends a block of bytes that lie in several places, one after another.
+    ///
+    /// # Errors
+    /// As [`Writer::append`].
+    pub fn append_parts(&mut self, tag: Tag, range: Range<u64>, parts: &[&[u8]]) -> Result<()> {
+        let mut hash = Xxh3::new();
+        parts.iter().for_each(|part| hash.update(part));
+        let bytes = parts.iter().map(|part| part.len() as u64).sum();
+        self.append_hashed(tag, range, (PLAIN, 1, bytes, bytes), (hash.digest(), parts))
+    }
+
     /// Appends a block that a codec has made.
     ///
     /// # Errors
     /// As [`Writer::append`].
     pub fn append_bytes(&mut self, tag: Tag, range: Range<u64>, payload: Encoded<'_>) -> Result<()> {
         let Encoded { codec, width_bytes, raw_bytes, bytes } = payload;
+        let form = (codec, width_bytes, raw_bytes, bytes.len() as u64);
+        self.append_hashed(tag, range, form, (xxh3_64(bytes), &[bytes]))
+    }
+
+    /// Appends a payload in parts whose hash is known: codec, width, raw and stored length.
+    fn append_hashed(
+        &mut self,
+        tag: Tag,
+        range: Range<u64>,
+        (codec, width_bytes, raw_bytes, stored_bytes): (u16, u16, u64, u64),
+        (hash, parts): (u64, &[&[u8]]),
+    ) -> Result<()> {
         let entry = Entry {
             tag,
             first: range.start,
             count: range.end.checked_sub(range.start).expect("a range that does not run backwards"),
             offset: self.end,
             raw_bytes,
-            stored_bytes: bytes.len() as u64,
-            hash: xxh3_64(bytes),
+            stored_bytes,
+            hash,
             codec,
             width_bytes,
         };
         assert!(entry.is_consistent(), "lengths that do not agree with the codec and the width: {entry:?}");
         let number = u32::try_from(self.entries.len()).expect("fewer than 2^32 blocks");
         let header = entry.header(number, self.salt);
-        self.write(&[bytemuck::bytes_of(&header), bytes, padding(bytes.len())])?;
+        let mut pieces = vec![bytemuck::bytes_of(&header)];
+        pieces.extend_from_slice(parts);
+        pieces.push(padding(stored_bytes as usize));
+        self.write(&pieces)?;
         self.entries.push(entry);
         if self.end - self.synced >= CHECKPOINT_BYTES { self.checkpoint() } else { Ok(()) }
     }

@@ -12,7 +12,7 @@ mod scatter;
 
 use glam::Vec3;
 
-use crate::archive::{Keep, Parcel};
+use crate::archive::{Keep, Parcel, Parts};
 use crate::geometry::SurfacePoint;
 use crate::scatter::bricks::Bricks;
 use crate::scatter::surface::Piece;
@@ -81,14 +81,14 @@ pub struct Plot {
 }
 
 impl Keep for SiteArrays {
-    fn put(&self, parcel: &mut Parcel) {
-        parcel.put(&self.positions);
-        parcel.put(&self.normals);
-        parcel.put(&self.areas);
-        parcel.put(&self.triangles);
-        parcel.put(&self.barycentrics);
-        parcel.put(&self.levels);
-        parcel.put(&self.spacings);
+    fn put<'a>(&'a self, parts: &mut Parts<'a>) {
+        parts.put(&self.positions);
+        parts.put(&self.normals);
+        parts.put(&self.areas);
+        parts.put(&self.triangles);
+        parts.put(&self.barycentrics);
+        parts.put(&self.levels);
+        parts.put(&self.spacings);
     }
 
     fn take(parcel: &mut Parcel) -> Result<Self, String> {

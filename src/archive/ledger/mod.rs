@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use super::{Digests, Resumed, Storage, Tag, Writer};
 use crate::{Error, Result};
-use parcel::{Keep, Parcel};
+use parcel::{Keep, Parcel, Parts};
 
 /// How often blocks are made durable: what a power loss costs at most. The system writes pages back by itself after
 /// half of this, so that little is left for the sync to wait for.
@@ -105,7 +105,7 @@ impl<'a> Ledger<'a> {
         }
         // Unlocked: what is made may keep nothing, but it may ask how the ledger stands.
         let made = make()?;
-        lock(book).append(tag, range, &Parcel::of(&made))?;
+        lock(book).append(tag, range, &Parts::of(&made))?;
         Ok(made)
     }
 
@@ -156,8 +156,8 @@ impl Book {
         Ok(Some(parcel))
     }
 
-    fn append(&mut self, tag: Tag, range: Range<u64>, parcel: &Parcel) -> Result<()> {
-        self.writer.append(tag, range, parcel.bytes())?;
+    fn append(&mut self, tag: Tag, range: Range<u64>, parts: &Parts<'_>) -> Result<()> {
+        self.writer.append_parts(tag, range, &parts.bytes())?;
         self.next += 1;
         self.counts.computed.fetch_add(1, Ordering::Relaxed);
         if self.synced.elapsed() >= SYNC_INTERVAL {

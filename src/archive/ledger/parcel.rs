@@ -16,7 +16,42 @@ struct Label {
 
 const LABEL_BYTES: usize = size_of::<Label>();
 
-/// Arrays one after another, to be read in the order they were put.
+/// Arrays one after another as they lie in memory, to be written without copying them.
+#[derive(Default)]
+pub struct Parts<'a>(Vec<Part<'a>>);
+
+enum Part<'a> {
+    Label(Label),
+    Array(&'a [u8]),
+}
+
+impl<'a> Parts<'a> {
+    /// Of one value.
+    pub fn of(value: &'a impl Keep) -> Self {
+        let mut parts = Self::default();
+        value.put(&mut parts);
+        parts
+    }
+
+    /// Puts an array.
+    pub fn put<T: Pod>(&mut self, values: &'a [T]) {
+        let label = Label { width: size_of::<T>() as u64, count: values.len() as u64 };
+        self.0.extend([Part::Label(label), Part::Array(bytemuck::cast_slice(values))]);
+    }
+
+    /// Their bytes, in order.
+    pub fn bytes(&self) -> Vec<&[u8]> {
+        self.0
+            .iter()
+            .map(|part| match part {
+                Part::Label(label) => bytemuck::bytes_of(label),
+                Part::Array(bytes) => *bytes,
+            })
+            .collect()
+    }
+}
+
+/// Arrays of a block that was read, taken in the order they were put.
 #[derive(Debug, Default)]
 pub struct Parcel {
     bytes: Vec<u8>,
@@ -27,7 +62,7 @@ pub struct Parcel {
 /// What goes into a block of a [`Ledger`](super::Ledger) and comes out equal.
 pub trait Keep: Sized {
     /// Puts all arrays.
-    fn put(&self, parcel: &mut Parcel);
+    fn put<'a>(&'a self, parts: &mut Parts<'a>);
     /// Takes the same arrays in the same order; an error says what was expected and what was there.
     ///
     /// # Errors
@@ -36,21 +71,9 @@ pub trait Keep: Sized {
 }
 
 impl Parcel {
-    /// Of one value.
-    pub fn of(value: &impl Keep) -> Self {
-        let mut parcel = Self::default();
-        value.put(&mut parcel);
-        parcel
-    }
-
     /// From the bytes of a block of `file`.
     pub fn from_bytes(bytes: Vec<u8>, file: PathBuf) -> Self {
         Self { bytes, at: 0, file }
-    }
-
-    /// All of it.
-    pub fn bytes(&self) -> &[u8] {
-        &self.bytes
     }
 
     /// Takes one value, which must be all there is.
@@ -63,13 +86,6 @@ impl Parcel {
             more => Err(format!("expected the end, got {more} more bytes")),
         });
         value.map_err(|problem| Error::Damaged { file: self.file, place: place.into(), problem })
-    }
-
-    /// Puts an array.
-    pub fn put<T: Pod>(&mut self, values: &[T]) {
-        let label = Label { width: size_of::<T>() as u64, count: values.len() as u64 };
-        self.bytes.extend_from_slice(bytemuck::bytes_of(&label));
-        self.bytes.extend_from_slice(bytemuck::cast_slice(values));
     }
 
     /// Takes an array.
@@ -99,8 +115,8 @@ impl Parcel {
 }
 
 impl<T: Pod> Keep for Vec<T> {
-    fn put(&self, parcel: &mut Parcel) {
-        parcel.put(self);
+    fn put<'a>(&'a self, parts: &mut Parts<'a>) {
+        parts.put(self);
     }
 
     fn take(parcel: &mut Parcel) -> Result<Self, String> {
@@ -113,9 +129,9 @@ macro_rules! keep_tuple {
     ($($member:ident)*) => {
         impl<$($member: Keep),*> Keep for ($($member,)*) {
             #[expect(non_snake_case, reason = "members are called as their types are")]
-            fn put(&self, parcel: &mut Parcel) {
+            fn put<'a>(&'a self, parts: &mut Parts<'a>) {
                 let ($($member,)*) = self;
-                $($member.put(parcel);)*
+                $($member.put(parts);)*
             }
 
             fn take(parcel: &mut Parcel) -> Result<Self, String> {
@@ -134,8 +150,8 @@ keep_tuple!(A B C D E F);
 pub struct One<T>(pub T);
 
 impl<T: Pod> Keep for One<T> {
-    fn put(&self, parcel: &mut Parcel) {
-        parcel.put(&[self.0]);
+    fn put<'a>(&'a self, parts: &mut Parts<'a>) {
+        parts.put(std::slice::from_ref(&self.0));
     }
 
     fn take(parcel: &mut Parcel) -> Result<Self, String> {
@@ -154,9 +170,8 @@ mod tests {
     fn what_is_put_comes_out_equal() {
         let value =
             (vec![1.5_f32, f32::NAN], vec![7_u8; 3], One(0x1234_5678_9abc_def0_u64), Vec::<u16>::new());
-        let parcel = Parcel::of(&value);
         let (floats, bytes, one, none): (Vec<f32>, Vec<u8>, One<u64>, Vec<u16>) =
-            Parcel::from_bytes(parcel.bytes().to_vec(), "x".into()).open("block 0").unwrap();
+            Parcel::from_bytes(Parts::of(&value).bytes().concat(), "x".into()).open("block 0").unwrap();
         assert_eq!(
             floats.iter().map(|f| f.to_bits()).collect::<Vec<_>>(),
             [1.5_f32, f32::NAN].map(f32::to_bits)
@@ -166,16 +181,17 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_damage_with_its_place() {
-        let parcel = || Parcel::from_bytes(Parcel::of(&vec![1_u32, 2]).bytes().to_vec(), "x".into());
+        let bytes = Parts::of(&vec![1_u32, 2]).bytes().concat();
+        let parcel = || Parcel::from_bytes(bytes.clone(), "x".into());
         assert_eq!(parcel().open::<Vec<u32>>("b").unwrap(), [1, 2]);
         let refused = |error: Error| assert_eq!(error.exit_code(), 9, "{error}");
         refused(parcel().open::<Vec<u64>>("b").unwrap_err());
         refused(parcel().open::<One<u32>>("b").unwrap_err());
         refused(parcel().open::<(Vec<u32>, Vec<u32>)>("b").unwrap_err());
-        let cut = Parcel::from_bytes(parcel().bytes()[..20].to_vec(), "x".into());
+        let cut = Parcel::from_bytes(bytes[..20].to_vec(), "x".into());
         refused(cut.open::<Vec<u32>>("b").unwrap_err());
         // A claim of 2^61 values is refused before memory is asked for.
-        let mut claim = parcel().bytes().to_vec();
+        let mut claim = bytes.clone();
         claim[15] = 0x20;
         refused(Parcel::from_bytes(claim, "x".into()).open::<Vec<u32>>("b").unwrap_err());
     }
