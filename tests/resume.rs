@@ -123,6 +123,31 @@ fn a_restart_keeps_the_old_job_until_the_new_one_is_complete() {
     assert_eq!(code(&other), 3, "{}", stderr(&other));
 }
 
+/// A run may end between the exchange of a new job with the old one and the removal of the old one, or just before its
+/// summary: what then lies there must not pass for the work of another command.
+#[test]
+fn what_was_made_of_something_else_is_never_taken_over() {
+    let place = Place::new();
+    let scene = place.path("scene.toml");
+    let bake =
+        |job: &str, options: &Options| bake::run(&scene, &place.path(job), options, &bake::Silent).unwrap();
+    let coarse = Options { error: 0.2, ..Options::default() };
+    let fine = Options { error: 0.05, ..Options::default() };
+    bake("fine.glow", &fine);
+    // The leftover of an exchange: a whole job of other options, pictures and all.
+    bake("job.glow", &coarse);
+    bake("job.glow.new", &coarse);
+    bake("job.glow", &Options { restart: true, ..fine.clone() });
+    assert_eq!(bytes(&place.path("job.glow")), bytes(&place.path("fine.glow")));
+    assert!(!place.path("job.glow.new").exists());
+    // A restart that ended just before its summary, then one of other options.
+    bake("job.glow.new", &coarse);
+    std::fs::remove_file(place.path("job.glow.new/summary.json")).unwrap();
+    bake("job.glow", &Options { restart: true, ..fine });
+    assert_eq!(bytes(&place.path("job.glow")), bytes(&place.path("fine.glow")));
+    assert!(!place.path("job.glow.new").exists());
+}
+
 #[test]
 fn an_unfinished_job_says_so_and_refuses_other_options() {
     let place = Place::new();

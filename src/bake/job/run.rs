@@ -229,10 +229,12 @@ impl Bake<'_> {
     /// Bakes into a directory beside the job, which takes the job's place when it is finished. With `old`, that job's R is
     /// taken over.
     fn replace(&self, job: &Path, lock: &mut Lock, subject: Subject, old: Option<&Path>) -> Result<Summary> {
-        let mut name = job.as_os_str().to_owned();
-        name.push(".new");
-        let beside = PathBuf::from(name);
+        let beside = beside(job, old)?;
         let failed = |action: &'static str| move |e| Error::io(job, action, e);
+        if beside.join(SUMMARY_FILE).exists() {
+            // A run before was ended between the exchange and this: what lies there was replaced.
+            self.storage.remove_directory(&beside).map_err(failed("removing what it replaced"))?;
+        }
         side::make_directory(self.storage, &beside).map_err(failed("making a directory beside it"))?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
         let summary = self.bake(&beside, subject, old)?;
@@ -248,8 +250,7 @@ impl Bake<'_> {
     fn bake(&self, job: &Path, subject: Subject, old: Option<&Path>) -> Result<Summary> {
         let Subject { scene, inputs, read } = subject;
         let digests = digests(&inputs, self.options)?;
-        self.record(job, OPTIONS_FILE, self.options)?;
-        self.record(job, INPUTS_FILE, &inputs)?;
+        self.record(job, &inputs)?;
         let pause = || {
             self.monitor.check()?;
             self.budget.check(self.meter)
@@ -306,19 +307,39 @@ impl Bake<'_> {
         Ok((model, report))
     }
 
-    /// Writes a side file unless it says so already.
-    fn record<T: Serialize + PartialEq + serde::de::DeserializeOwned>(
-        &self,
-        job: &Path,
-        name: &str,
-        value: &T,
-    ) -> Result<()> {
-        let path = job.join(name);
-        if side::read::<T>(&path).is_ok_and(|there| there.as_ref() == Some(value)) {
+    /// Writes down what was asked, unless the job says so already. What else lies there was then made of something else:
+    /// archives carry digests that tell, pictures and figures do not and go.
+    fn record(&self, job: &Path, inputs: &Inputs) -> Result<()> {
+        let [options_file, inputs_file] = [OPTIONS_FILE, INPUTS_FILE].map(|name| job.join(name));
+        let same_options =
+            side::read::<Options>(&options_file).is_ok_and(|o| o.as_ref() == Some(self.options));
+        let same_inputs = side::read::<Inputs>(&inputs_file)
+            .is_ok_and(|before| before.is_some_and(|before| before.change(inputs) == Change::Nothing));
+        if same_options && same_inputs {
             return Ok(());
         }
-        side::write(self.storage, &path, value)
+        for name in [SUMMARY_FILE, pictures::MESH_FILE, pictures::PREVIEW_FILE] {
+            let path = job.join(name);
+            if path.exists() {
+                self.storage
+                    .remove(&path)
+                    .map_err(|e| Error::io(path, "removing what was made before", e))?;
+            }
+        }
+        side::write(self.storage, &options_file, self.options)?;
+        side::write(self.storage, &inputs_file, inputs)
     }
+}
+
+/// Where a job is made that is to replace another: for a new light by the R that it takes over, so that none is mistaken for
+/// one of another R.
+fn beside(job: &Path, old: Option<&Path>) -> Result<PathBuf> {
+    let mut name = job.as_os_str().to_owned();
+    name.push(match old {
+        None => ".new".to_owned(),
+        Some(old) => format!(".relit-{:.8}", store::links_content(old)?.to_string()),
+    });
+    Ok(PathBuf::from(name))
 }
 
 /// The figures of a summary that the run itself has no part in.

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{Mat3, Vec3};
 
-use crate::archive::{Archive, Digests, Disk, Ledger, Storage, Tag, Writer};
+use crate::archive::{Archive, Digest, Digests, Disk, Ledger, Storage, Tag, Writer};
 use crate::bake::model::Model;
 use crate::bake::pipeline::leaf_order;
 use crate::basis::Basis;
@@ -105,6 +105,14 @@ pub fn write_to(shelf: &Shelf<'_>, model: &Model) -> Result<StoreReport> {
         }
     }
     Ok(report)
+}
+
+/// What tells the R of a job from every other: the content of its links.
+///
+/// # Errors
+/// Those of opening the file.
+pub fn links_content(job: &Path) -> Result<Digest> {
+    Ok(open(job, "links")?.content())
 }
 
 /// Whether all of a job's files are there, damaged or not.
