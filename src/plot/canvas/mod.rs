@@ -244,7 +244,7 @@ impl Figure {
     /// The page as PNG, two pixels to the unit (192 dots per inch).
     ///
     /// # Errors
-    /// [`Error::Usage`] for a page without extent or too large to be held.
+    /// [`Error::Usage`](crate::Error::Usage) for a page without extent or too large to be held.
     pub fn png(&self) -> Result<Vec<u8>> {
         bitmap::png(self)
     }
@@ -252,7 +252,7 @@ impl Figure {
     /// Writes `stem`.svg and `stem`.png, each whole or not at all, and names them in this order.
     ///
     /// # Errors
-    /// [`Error::Io`], [`Error::DiskFull`], and as [`Figure::png`].
+    /// [`Error::Io`](crate::Error::Io), [`Error::DiskFull`](crate::Error::DiskFull), and as [`Figure::png`].
     pub fn write(&self, stem: &Path) -> Result<Vec<PathBuf>> {
         let mut files = Vec::new();
         for (ending, bytes) in [("svg", self.svg().into_bytes()), ("png", self.png()?)] {
