@@ -8,13 +8,18 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use command::{Place, code, lines, stderr, stdout};
+use glowtree::archive::Digest;
 use glowtree::bake::{self, Monitor, Options, Signal};
 
 const ARCHIVES: [&str; 4] = ["scene.glow", "sites.glow", "links.glow", "light.glow"];
 
-fn bytes(job: &Path) -> Vec<Vec<u8>> {
-    let pictures = ["mesh.ply", "preview.png"];
-    ARCHIVES.iter().chain(&pictures).map(|name| std::fs::read(job.join(name)).unwrap_or_default()).collect()
+/// Names and digests of what a job is for: a difference then fits on a screen.
+fn bytes(job: &Path) -> Vec<(&'static str, String)> {
+    let digest = |name: &'static str| {
+        let digest = Digest::of_file(job.join(name));
+        (name, digest.map_or_else(|_| "absent".into(), |digest| digest.to_string()))
+    };
+    ARCHIVES.into_iter().chain(["mesh.ply", "preview.png"]).map(digest).collect()
 }
 
 /// Asks to stop at the n-th time that it is asked.
