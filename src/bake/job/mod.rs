@@ -35,6 +35,9 @@ pub const OPTIONS_FILE: &str = "options.json";
 /// The file within the job directory that says what the job was made from.
 pub const INPUTS_FILE: &str = "inputs.json";
 
+/// The file that marks a job whose place another takes, or has taken.
+const REPLACED_FILE: &str = "replaced";
+
 /// A finished job, open for questions.
 pub struct Job {
     model: Model,

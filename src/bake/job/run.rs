@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::journal::{self, Work};
-use super::{Budget, Change, INPUTS_FILE, Inputs, Lock, OPTIONS_FILE, relit, side};
+use super::{Budget, Change, INPUTS_FILE, Inputs, Lock, OPTIONS_FILE, REPLACED_FILE, relit, side};
 use crate::archive::{Digest, Digests, Disk, Ledger, Storage};
 use crate::bake::model::Model;
 use crate::bake::options::Options;
@@ -231,13 +231,18 @@ impl Bake<'_> {
     fn replace(&self, job: &Path, lock: &mut Lock, subject: Subject, old: Option<&Path>) -> Result<Summary> {
         let beside = beside(job, old)?;
         let failed = |action: &'static str| move |e| Error::io(job, action, e);
-        if beside.join(SUMMARY_FILE).exists() {
-            // A run before was ended between the exchange and this: what lies there was replaced.
+        if beside.join(REPLACED_FILE).exists() {
+            // An earlier run was ended between the exchange and the removal.
             self.storage.remove_directory(&beside).map_err(failed("removing what it replaced"))?;
         }
         side::make_directory(self.storage, &beside).map_err(failed("making a directory beside it"))?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
-        let summary = self.bake(&beside, subject, old)?;
+        let summary = match self.answered(&beside, &subject.inputs)? {
+            // An earlier run was ended just before the exchange.
+            Some(summary) => summary,
+            None => self.bake(&beside, subject, old)?,
+        };
+        side::mark(self.storage, &job.join(REPLACED_FILE)).map_err(failed("marking it as replaced"))?;
         self.storage.exchange(job, &beside).map_err(failed("putting the new job in its place"))?;
         lock.moved(&beside);
         lock_beside.moved(job);
@@ -245,6 +250,22 @@ impl Bake<'_> {
         side::sync_name(self.storage, job).map_err(failed("making the new job's place durable"))?;
         self.storage.remove_directory(&beside).map_err(failed("removing what it replaces"))?;
         Ok(summary)
+    }
+
+    /// The summary of a finished job that was asked just this.
+    fn answered(&self, job: &Path, now: &Inputs) -> Result<Option<Summary>> {
+        let finished = job.join(SUMMARY_FILE).exists() && store::is_complete(job);
+        let pictured = !self.options.preview || pictures::present(job);
+        let same = finished && pictured && self.is_recorded(job, now);
+        if same { Summary::read(job).map(Some) } else { Ok(None) }
+    }
+
+    /// Whether the job says that it was asked just this.
+    fn is_recorded(&self, job: &Path, now: &Inputs) -> bool {
+        let options = side::read::<Options>(&job.join(OPTIONS_FILE));
+        let inputs = side::read::<Inputs>(&job.join(INPUTS_FILE));
+        options.is_ok_and(|options| options.as_ref().is_some_and(|o| self.options.difference(o).is_none()))
+            && inputs.is_ok_and(|inputs| inputs.is_some_and(|before| before.change(now) == Change::Nothing))
     }
 
     fn bake(&self, job: &Path, subject: Subject, old: Option<&Path>) -> Result<Summary> {
@@ -310,12 +331,7 @@ impl Bake<'_> {
     /// Writes down what was asked, unless the job says so already. What else lies there was then made of something else:
     /// archives carry digests that tell, pictures and figures do not and go.
     fn record(&self, job: &Path, inputs: &Inputs) -> Result<()> {
-        let [options_file, inputs_file] = [OPTIONS_FILE, INPUTS_FILE].map(|name| job.join(name));
-        let same_options =
-            side::read::<Options>(&options_file).is_ok_and(|o| o.as_ref() == Some(self.options));
-        let same_inputs = side::read::<Inputs>(&inputs_file)
-            .is_ok_and(|before| before.is_some_and(|before| before.change(inputs) == Change::Nothing));
-        if same_options && same_inputs {
+        if self.is_recorded(job, inputs) {
             return Ok(());
         }
         for name in [SUMMARY_FILE, pictures::MESH_FILE, pictures::PREVIEW_FILE] {
@@ -326,8 +342,8 @@ impl Bake<'_> {
                     .map_err(|e| Error::io(path, "removing what was made before", e))?;
             }
         }
-        side::write(self.storage, &options_file, self.options)?;
-        side::write(self.storage, &inputs_file, inputs)
+        side::write(self.storage, &job.join(OPTIONS_FILE), self.options)?;
+        side::write(self.storage, &job.join(INPUTS_FILE), inputs)
     }
 }
 

@@ -36,6 +36,15 @@ pub fn write(storage: &Arc<dyn Storage>, path: &Path, value: &impl Serialize) ->
     storage.sync_directory(folder_of(path)).map_err(failed)
 }
 
+/// Makes an empty file whose name lasts.
+///
+/// # Errors
+/// What the system says.
+pub fn mark(storage: &Arc<dyn Storage>, path: &Path) -> io::Result<()> {
+    storage.create(path)?.sync()?;
+    sync_name(storage, path)
+}
+
 /// Makes a directory whose name lasts: those that hold it, and those that had to be made above it, are synced.
 ///
 /// # Errors
