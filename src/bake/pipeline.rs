@@ -113,11 +113,22 @@ pub trait Journal {
 /// [`Error::Interrupted`], and [`Error::Usage`] when the operator is not for so many sites.
 pub fn reach(scene: &Scene, target: &Target, monitor: &dyn Monitor) -> Result<(Model, Plan, PipelineReport)> {
     let (stand, built) = Stand::new(scene.clone(), monitor)?;
-    let pause = || monitor.check();
-    let nothing = Nothing(Ledger::idle(&pause), &pause);
-    let (model, plan, mut report) = reach_kept(stand, target, monitor, &nothing)?;
+    let (model, plan, mut report) = reach_on(stand, target, monitor)?;
     report.stages.insert(0, built);
     Ok((model, plan, report))
+}
+
+/// As [`reach`], from a scene that is ready for rays.
+///
+/// # Errors
+/// As [`reach`].
+pub fn reach_on(
+    stand: Stand,
+    target: &Target,
+    monitor: &dyn Monitor,
+) -> Result<(Model, Plan, PipelineReport)> {
+    let pause = || monitor.check();
+    reach_kept(stand, target, monitor, &Nothing(Ledger::idle(&pause), &pause))
 }
 
 /// A journal that keeps nothing.
@@ -219,6 +230,8 @@ fn build_kept(
 ) -> Result<(Model, PipelineReport)> {
     let mut report = PipelineReport::default();
     let stage = Stage::start(monitor, "rows", "receivers", None);
+    // Where the scene is a proxy, sites lie on it and see each other through it.
+    let (bvh, near) = bvh.without_near();
     let surface = Surface::new(&scene, leaf_order(&bvh));
     let (lamps, glowing) = lamps::split(&scene);
     let tree = lamps::LampTree::new(&lamps);
@@ -238,10 +251,18 @@ fn build_kept(
         let problem = format!("--operator dense is for at most {MOST_SITES} sites, here are {sites}");
         return Err(Error::Usage(format!("{problem}: raise --error, or leave the operator to rows")));
     }
-    report.rays += placement.rays + layout.rays;
+    report.rays += layout.rays;
     report.stages.push(stage.finish());
 
+    // Receivers lie on the surface itself, and so does all that is asked from here on.
+    let bvh = match near {
+        Some(near) => bvh.with_near(near),
+        None => bvh,
+    };
+    let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
+    let placement = placement.set_down((&scene, &bvh), &plan.receivers.rows, ledger)?;
+    report.rays += placement.rays;
     let receivers = Receivers::settle(layout.around(grounds), placement, ledger)?;
     let spread = Spread::fit(layout.around(grounds), (&receivers, &layout.means), plan.basis, ledger)?;
     let placed = receivers.ray_count();

@@ -6,6 +6,7 @@
 pub mod compress;
 pub mod dense;
 pub mod direct;
+mod full;
 pub mod lamps;
 pub mod points;
 pub mod receivers;
@@ -79,6 +80,11 @@ impl<'a> Surroundings<'a> {
     pub fn beside(&self, centre: &SurfacePoint, offset: Vec3, rise: f32) -> Option<(Hit, SurfacePoint)> {
         let origin = centre.position + offset + centre.normal * rise;
         let ray = Ray { origin, direction: -centre.normal, t_min: 0.0, t_max: 2.0 * rise };
+        if self.bvh.near().is_some() {
+            let met = self.bvh.surface(&ray)?;
+            let position = origin + ray.direction * met.distance;
+            return met.hit.map(|hit| (hit, SurfacePoint { position, normal: met.normal }));
+        }
         let hit = self.bvh.closest(&ray)?;
         let normal = side_normal(self.scene, hit.triangle, hit.back);
         let position = origin + ray.direction * hit.distance;
@@ -88,6 +94,9 @@ impl<'a> Surroundings<'a> {
     /// The site that speaks for a surface point, and the point itself set onto the surface: a short ray finds the triangle
     /// under it, the cells know the rest.
     pub fn footing(&self, point: &SurfacePoint) -> (Option<SiteId>, SurfacePoint) {
+        if self.bvh.near().is_some() {
+            return self.footing_beside(point);
+        }
         let lift = crate::geometry::GIVEN_TOLERANCE;
         // From close above first: a wrinkle may hang over the point.
         for lift in [0.01 * lift, lift] {

@@ -93,7 +93,7 @@ pub fn own(
 ) -> Result<()> {
     let mut fresh = SupportIndex::default();
     for &site in chosen {
-        let point = around.sites.point(SiteId(site));
+        let Some(point) = around.set_down(&around.sites.point(SiteId(site))) else { continue };
         let mut covered = false;
         fresh.for_each(&point, 1.0, |_, _| covered = true);
         if !covered {

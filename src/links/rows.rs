@@ -326,13 +326,17 @@ fn shoot(
     let mut summary = RowSummary::default();
     for (place, at) in out.iter_mut().zip(lattice) {
         let ray = Ray::new(origin, directions.at(*at));
-        let Some(hit) = bvh.closest(&ray) else {
+        let Some((distance, hit)) = bvh.closest_fine(&ray) else {
             place.side = SKY;
             summary.escaped += 1;
             continue;
         };
         summary.hits += 1;
-        summary.inverse_distance += 1.0 / hit.distance.max(crate::geometry::LIFT);
+        summary.inverse_distance += 1.0 / distance.max(crate::geometry::LIFT);
+        let Some(hit) = hit else {
+            place.side = LOST;
+            continue;
+        };
         if hit.back && !scene.meshes[scene.mesh_of(hit.triangle)].two_sided {
             summary.black += 1;
             place.side = BLACK;

@@ -6,13 +6,17 @@ mod clusters;
 mod kernels;
 mod layout;
 mod memory;
+pub mod near;
 mod prepare;
 mod scalar;
+
+use std::sync::Arc;
 
 use glam::Vec3;
 
 pub use layout::{Branch, Child, DEPTH_LIMIT, FAN, LANES, Malformed, NO_TRIANGLE, Packet};
 use memory::Slab;
+use near::Near;
 use prepare::Prepared;
 
 use crate::scene::Scene;
@@ -126,6 +130,8 @@ impl<'a> BvhView<'a> {
 pub struct Bvh {
     branches: Slab<Branch>,
     packets: Slab<Packet>,
+    /// Full resolution near rays' origins, where these arrays are a proxy.
+    near: Option<Arc<Near>>,
 }
 
 impl Bvh {
@@ -142,7 +148,7 @@ impl Bvh {
     /// When a corner index is outside `vertices`.
     pub fn build_triangles(vertices: &[Vec3], triangles: &[[u32; 3]]) -> Self {
         let built = build::build(vertices, triangles);
-        Self { branches: built.branches, packets: built.packets }
+        Self { branches: built.branches, packets: built.packets, near: None }
     }
 
     /// Copies stored arrays, into huge pages when they are large, after checking them as [`BvhView::checked`] does.
@@ -151,7 +157,8 @@ impl Bvh {
     /// As [`BvhView::checked`].
     pub fn from_slices(branches: &[Branch], packets: &[Packet]) -> Result<Self, Malformed> {
         layout::check(branches, packets.len())?;
-        let mut own = Self { branches: Slab::zeroed(branches.len()), packets: Slab::zeroed(packets.len()) };
+        let (empty_branches, empty_packets) = (Slab::zeroed(branches.len()), Slab::zeroed(packets.len()));
+        let mut own = Self { branches: empty_branches, packets: empty_packets, near: None };
         own.branches.slice_mut().copy_from_slice(branches);
         own.packets.slice_mut().copy_from_slice(packets);
         Ok(own)

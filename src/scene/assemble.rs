@@ -57,6 +57,23 @@ pub struct Part {
     pub radiance: Rgb,
     /// Whether its back is black.
     pub one_sided: bool,
+    /// Says that the file is too large to hold: positions and triangles are to be filled in with those of a proxy.
+    pub streamed: Option<Streamed>,
+}
+
+/// A part that is left in its file.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Streamed {
+    /// File to world.
+    pub transform: DAffine3,
+    /// The world box of the corners of its triangles; whoever goes through the file fills it in.
+    pub bounds: [DVec3; 2],
+}
+
+impl Default for Streamed {
+    fn default() -> Self {
+        Self { transform: DAffine3::IDENTITY, bounds: [DVec3::INFINITY, DVec3::NEG_INFINITY] }
+    }
 }
 
 /// A lamp in world coordinates and units.
@@ -115,6 +132,9 @@ impl Contents {
         let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
         let mirrored = linear.determinant() < 0.0;
         for part in &mut self.parts {
+            if let Some(streamed) = &mut part.streamed {
+                streamed.transform = by * streamed.transform;
+            }
             part.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
             for normal in part.normals.iter_mut().flatten() {
                 *normal = turned(*normal, cofactors) * if mirrored { -1.0 } else { 1.0 };
@@ -139,12 +159,20 @@ impl Contents {
         }
     }
 
+    /// The local frame: centre and largest extent of the box around all corners of triangles.
+    ///
+    /// # Errors
+    /// [`Error::Input`] when there is no triangle, or none that can be placed.
+    pub fn placement(&self, path: &Path) -> Result<Placement> {
+        placement_of(path, &self.parts)
+    }
+
     /// Makes the scene.
     ///
     /// # Errors
     /// [`Error::Input`] when there is no triangle with an area, or an index space or a material is exceeded.
     pub fn into_scene(mut self, path: &Path) -> Result<Scene> {
-        let placement = placement_of(path, &self.parts)?;
+        let placement = self.placement(path)?;
         let mut scene = Scene {
             placement,
             vertices: Vec::new(),
@@ -173,6 +201,11 @@ impl Contents {
 fn placement_of(path: &Path, parts: &[Part]) -> Result<Placement> {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for part in parts {
+        if let Some(Streamed { bounds: [from, to], .. }) = part.streamed {
+            // A proxy lies within the box of what it stands for.
+            (low, high) = (low.min(from), high.max(to));
+            continue;
+        }
         for &corner in part.triangles.iter().flatten() {
             let at = part.positions[corner as usize];
             if !at.is_finite() {

@@ -217,6 +217,15 @@ const MOST_WARNINGS: usize = 50;
 /// [`Error::Input`] with file, place, problem and remedy for anything that cannot be read or that light transport has
 /// no meaning for; [`Error::Io`] when the system fails.
 pub fn load(path: &Path) -> Result<Scene> {
+    draft(path, u64::MAX)?.into_scene(path)
+}
+
+/// As [`load`], but PLY meshes of more triangles than are `resident` are left in their files ([`assemble::Part::streamed`]):
+/// whoever makes the scene puts proxies in their places first.
+///
+/// # Errors
+/// As [`load`].
+pub fn draft(path: &Path, resident: u64) -> Result<assemble::Contents> {
     let remedy = "give a .ply, .obj, .gltf, .glb or .toml file";
     if !path.exists() {
         return Err(Error::input(path, "file", "it does not exist", format!("check the path, or {remedy}")));
@@ -225,7 +234,7 @@ pub fn load(path: &Path) -> Result<Scene> {
         return Err(Error::input(path, "file", "it is a folder", remedy));
     }
     let is_scene_file = extension(path) == "toml";
-    let mut contents = if is_scene_file { toml::read(path)? } else { read_mesh(path)? };
+    let mut contents = if is_scene_file { toml::read(path, resident)? } else { read_mesh(path, resident)? };
     if !contents.emits() {
         if is_scene_file {
             let message = "nothing gives light: add a [sky], a [[lamp]] or a mesh's radiance".to_string();
@@ -245,13 +254,16 @@ pub fn load(path: &Path) -> Result<Scene> {
     let meshes = contents.parts.iter_mut().map(|part| &mut part.name);
     make_unique(meshes.chain(contents.lamps.iter_mut().map(|lamp| &mut lamp.name)));
     make_unique(contents.cameras.iter_mut().map(|camera| &mut camera.rest.name));
-    contents.into_scene(path)
+    Ok(contents)
 }
 
 /// Reads one mesh file by its extension.
-fn read_mesh(path: &Path) -> Result<assemble::Contents> {
+fn read_mesh(path: &Path, resident: u64) -> Result<assemble::Contents> {
     match extension(path).as_str() {
-        "ply" => ply::read(path),
+        "ply" => match ply::left(path, resident)? {
+            Some(left) => Ok(left),
+            None => ply::read(path),
+        },
         "obj" => obj::read(path),
         "gltf" | "glb" => gltf::read(path),
         other => {

@@ -254,7 +254,8 @@ impl Ground<'_> {
     /// A sheet close behind it has no sites of its own there, which would have told.
     pub fn is_sure(&self, point: &SurfacePoint, site: SiteId) -> bool {
         let at = self.sites.point(site);
-        !self.graph.unclean(site) && (point.position - at.position).dot(at.normal).abs() <= PLANE
+        !self.graph.unclean(site)
+            && (point.position - at.position).dot(at.normal).abs() <= PLANE + self.bvh.blur()
     }
 
     /// The nearest site if it is visible, else the nearest one that is.

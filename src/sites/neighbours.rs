@@ -49,13 +49,19 @@ pub struct NeighbourReport {
 /// Whether two surface points see each other, both lifted along their own normals by a share of their distance, at most
 /// `limit`: small bumps between them do not count as walls, sheets that lie close to each other do. Where a lift would go
 /// through a surface, none is made.
+///
+/// Points of the full surface may lie below its proxy: those are lifted above it first.
 pub fn mutually_visible(a: SurfacePoint, b: SurfacePoint, limit: f32, bvh: &Bvh) -> bool {
     let ends = |lift: f32| [a.position + a.normal * lift, b.position + b.normal * lift];
     // Ends that coincide but for rounding have nothing between them.
     let clear = |[from, to]: [Vec3; 2]| {
         from.distance_squared(to) <= LIFT * LIFT || !bvh.occluded(&Ray::between(from, to))
     };
-    let lift = (LINK_LIFT * a.position.distance(b.position)).min(limit).max(LIFT);
+    let (distance, blur) = (a.position.distance(b.position), bvh.blur());
+    let lift = (LINK_LIFT * distance).min(limit).max(LIFT);
+    if blur > 0.0 {
+        return distance <= 2.0 * blur || clear(ends(lift.max(blur)));
+    }
     let (low, high) = (ends(LIFT), ends(lift));
     clear(high) && (lift <= LIFT || [0, 1].iter().all(|&k| clear([low[k], high[k]])) || clear(low))
 }

@@ -75,6 +75,20 @@ const FEWEST_RAYS: u32 = 32;
 /// A site's shadows speak for points whose normals' cosine with its own is at least this (18°).
 const SAME_TURN: f32 = 0.95;
 
+/// A point set onto the surface, and what the receivers around it say.
+pub(super) struct First {
+    /// The point.
+    pub set: SurfacePoint,
+    /// Receivers around it.
+    pub near: SmallVec<[u32; 32]>,
+    /// Spacing of the sites there, local units; zero where none speaks for the point.
+    pub spacing: f32,
+    /// Their answer.
+    pub blended: Irradiance,
+    /// Whether it may stand.
+    pub trusted: bool,
+}
+
 /// A solved scene that answers for any surface point.
 #[derive(Clone, Copy)]
 pub struct Field<'a> {
@@ -97,34 +111,44 @@ impl Field<'_> {
     }
 
     fn at(&self, point: &SurfacePoint) -> Irradiance {
+        let first = self.first(point);
+        if first.trusted {
+            return first.blended;
+        }
+        let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = self.gather_at(&first);
+        Irradiance { direct: first.blended.direct, indirect, sky_visibility, error }
+    }
+
+    /// What the receivers around a point say.
+    pub(super) fn first(&self, point: &SurfacePoint) -> First {
         let problem = &self.problem;
         let (site, set) = problem.around.footing(point);
         let point = &set;
-        let turned = |s| problem.around.sites.point(s).normal.dot(point.normal) < SAME_TURN;
+        let sites = problem.around.sites;
+        let turned = |s| sites.point(s).normal.dot(point.normal) < SAME_TURN;
         let rugged = site.is_none_or(|s| problem.around.graph.unclean(s) || turned(s));
         // A cell next to a wall may reach through it: its site speaks for those points alone that it sees.
         let sees = |s: &SiteId| {
-            let there = problem.around.sites.point(*s);
+            let there = sites.point(*s);
             problem.around.ground().is_sure(point, *s)
                 || mutually_visible(*point, there, f32::INFINITY, problem.around.bvh)
         };
-        let home = site.filter(sees);
+        let home = site.filter(|s| sees(s) && !problem.around.bvh.is_tight(point.position, point.normal));
+        let spacing = site.map_or(0.0, |s| sites.spacings[s.index()]);
         let site = site.map(|s| s.0);
         let query = Query { point: *point, site, rugged, key: key(point) };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
         let listed = home.map_or(&[][..], |s| problem.spread.receivers_of(s.index()));
         let listed = if listed.len() < FEWEST { &[][..] } else { listed };
-        let near = &nearest(problem.receivers, point, listed);
-        match fit(problem, point, near) {
-            Some(fit) => {
-                let blended = self.blend(point, near, &fit, direct);
-                // Darkness may be a hidden side's, reached through a wall: it is looked into.
-                let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
-                let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
-                if trusted { blended } else { self.gather(point, near, direct) }
-            }
-            None => self.gather(point, near, direct),
-        }
+        let near = nearest(problem.receivers, point, listed);
+        let blended = match fit(problem, point, &near) {
+            Some(fit) => self.blend(point, &near, &fit, direct),
+            None => Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: f32::INFINITY },
+        };
+        // Darkness may be a hidden side's, reached through a wall: it is looked into.
+        let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
+        let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
+        First { set, near, spacing, blended, trusted }
     }
 
     fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {
@@ -160,10 +184,8 @@ impl Field<'_> {
     }
 
     /// The point's own row, against the solved radiosities.
-    fn gather(&self, point: &SurfacePoint, near: &[u32], direct: Rgb) -> Irradiance {
-        let (light, _) = self.gather_row(point, key(point), self.rays_for(near));
-        let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = light;
-        Irradiance { direct, indirect, sky_visibility, error }
+    pub(super) fn gather_at(&self, first: &First) -> RowLight {
+        self.gather_row(&first.set, key(&first.set), self.rays_for(&first.near)).0
     }
 
     /// How many rays bring a point's row down to the noise allowed, as the rows of receivers near it tell. The point's own
@@ -212,9 +234,13 @@ fn claim(solution: &Solution, near: &[u32], fit: &Fit) -> f32 {
         bias += (BETWEEN * solution.surplus[r as usize]).powi(2) * w.abs();
         noise += (solution.noise[r as usize] * w).powi(2);
     }
-    // Outside of its receivers a fit errs more than between them, as a regression's standard error does.
+    (bias + noise).sqrt() * outside(fit)
+}
+
+/// Outside of its supports a fit errs more than between them, by this factor, as a regression's standard error does.
+pub(super) fn outside(fit: &Fit) -> f32 {
     let leverage = fit.leverage.min(MOST_LEVERAGE);
-    (bias + noise).sqrt() * (1.0 + leverage / (1.0 - leverage))
+    1.0 + leverage / (1.0 - leverage)
 }
 
 /// The standard error that interpolation claims at a point; infinite where too few receivers are near.

@@ -53,7 +53,7 @@ impl Field<'_> {
         if position.distance_squared(from.position) > near * near || !self.contrasts(site) {
             return None;
         }
-        let at = SurfacePoint { position, normal: side_normal(scene, id, back) };
+        let at = problem.around.set_down(&SurfacePoint { position, normal: side_normal(scene, id, back) })?;
         let row = Rows::single(problem.around, &at, key, LOOK);
         let mut seen = Vec::with_capacity(LOOK as usize);
         problem.look((&row, 0), at.normal, &self.solution.radiosity, &mut seen);

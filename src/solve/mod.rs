@@ -1,5 +1,6 @@
 //! The solution of B = E + ρRB and its evaluation at any point.
 
+mod crowd;
 pub mod field;
 mod gather;
 pub mod iterate;

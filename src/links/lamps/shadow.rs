@@ -71,7 +71,7 @@ impl Shadows<'_> {
             if light.max_element() > 0.0 {
                 verdict.rays += 1;
                 verdict.all += light;
-                if !self.bvh.occluded(&ray) {
+                if !self.bvh.occluded_fine(&ray) {
                     verdict.seen += light;
                 }
             }
@@ -82,7 +82,7 @@ impl Shadows<'_> {
     /// What arrives of a punctual light's share, by its one ray.
     pub fn one(&self, at: &SurfacePoint, share: &Share) -> Rgb {
         let (_, ray) = self.sample(at, share, [0.5, 0.5]);
-        if self.bvh.occluded(&ray) { Rgb::ZERO } else { share.light }
+        if self.bvh.occluded_fine(&ray) { Rgb::ZERO } else { share.light }
     }
 
     /// Whether any of a few rays finds any lamp.

@@ -18,7 +18,7 @@ use glam::{Vec2, Vec3};
 use crate::error::{Error, Result};
 use crate::light::{Rgb, srgb_to_linear};
 use crate::scene::Warning;
-use crate::scene::assemble::{Contents, Part};
+use crate::scene::assemble::{Contents, Part, Streamed};
 
 /// Reads a PLY file as one part without a material of its own: colours are kept, their use is the caller's choice.
 ///
@@ -84,6 +84,27 @@ pub fn read(path: &Path) -> Result<Contents> {
         ..Part::default()
     };
     Ok(Contents { parts: vec![part], warnings, ..Contents::default() })
+}
+
+/// A part that stands for a file of more faces than are `resident`; None for others, and for those that cannot be opened.
+///
+/// # Errors
+/// As [`read`], as far as the header tells.
+pub fn left(path: &Path, resident: u64) -> Result<Option<Contents>> {
+    let Ok(mut file) = File::open(path) else { return Ok(None) };
+    let Ok(file_bytes) = file.metadata().map(|meta| meta.len()) else { return Ok(None) };
+    let header = read_header(path, &mut file)?;
+    let faces = |e: &&header::Element| matches!(e.name.as_str(), "face" | "faces") && e.count > resident;
+    if header.elements.iter().find(faces).is_none() {
+        return Ok(None);
+    }
+    header.check_counts(path, file_bytes)?;
+    let vertex = header.elements.iter().find(|e| e.name == "vertex").map(columns::Columns::of);
+    let coloured = vertex.is_some_and(|columns| columns.has(columns::COLOUR));
+    let streamed = Some(Streamed::default());
+    let part = Part { streamed, colours: coloured.then(Vec::new), ..Part::default() };
+    let warnings = header_warnings(path, &header);
+    Ok(Some(Contents { parts: vec![part], warnings, ..Contents::default() }))
 }
 
 /// Reads and parses the header of an open PLY.

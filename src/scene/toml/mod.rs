@@ -92,11 +92,11 @@ struct CameraTable {
     size: Option<Placed>,
 }
 
-/// Reads a scene file and everything that it names.
+/// Reads a scene file and everything that it names, but for meshes of more triangles than are `resident`.
 ///
 /// # Errors
 /// [`Error::Input`] naming line and key for what the file itself has wrong, or from the files it names.
-pub fn read(path: &Path) -> Result<Contents> {
+pub fn read(path: &Path, resident: u64) -> Result<Contents> {
     let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
         std::io::ErrorKind::InvalidData => Error::input(path, "text", "not UTF-8", "save the file as UTF-8"),
         _ => Error::io(path, "reading the scene", e),
@@ -105,7 +105,7 @@ pub fn read(path: &Path) -> Result<Contents> {
         let problem = "it holds zero bytes, so it is no text in UTF-8";
         return Err(Error::input(path, "text", problem, "save the file as UTF-8"));
     }
-    let reader = Reader { path, text: &text };
+    let reader = Reader { path, text: &text, resident };
     let file: SceneFile = toml::from_str(&text).map_err(|error| reader.syntax(&error))?;
     let mut contents = Contents::default();
     for table in &file.mesh {
@@ -135,12 +135,14 @@ pub fn read(path: &Path) -> Result<Contents> {
 struct Reader<'a> {
     path: &'a Path,
     text: &'a str,
+    /// Meshes of more triangles than this are left in their files.
+    resident: u64,
 }
 
 impl Reader<'_> {
     fn mesh(&self, table: &MeshTable, contents: &mut Contents) -> Result<()> {
         let file = self.existing(&table.file, "mesh.file")?;
-        let mut read = crate::scene::read_mesh(&file)?;
+        let mut read = crate::scene::read_mesh(&file, self.resident)?;
         let name =
             table.name.as_ref().map_or_else(|| crate::scene::stem(&file), |name| name.get_ref().clone());
         let parts = read.parts.len();
@@ -154,6 +156,11 @@ impl Reader<'_> {
                 if matches!(surface, Surface::Colours(_)) && part.colours.is_none() {
                     let problem = format!("{} has no vertex colours", table.file.get_ref());
                     return Err(self.refuse(value.span(), "mesh.albedo", problem, "give a constant albedo"));
+                }
+                if matches!(surface, Surface::Image(..)) && part.streamed.is_some() {
+                    let problem = format!("{} is too large for a texture", table.file.get_ref());
+                    let remedy = "give a constant albedo or vertex colours, or raise --resident";
+                    return Err(self.refuse(value.span(), "mesh.albedo", problem, remedy));
                 }
                 if matches!(surface, Surface::Image(..)) && part.uv.is_none() {
                     let problem = format!("{} has no texture coordinates", table.file.get_ref());
