@@ -15,6 +15,9 @@ use crate::rays::Bvh;
 use crate::scene::Placement;
 use crate::scene::ply::stream::Stream;
 
+/// Triangles that a thread takes at a time at least: less is not worth the handing over.
+const RUN: usize = 1 << 13;
+
 /// One chunk, in local coordinates.
 pub struct Chunk {
     /// The triangles owned, those whose first corner lies in this chunk; numbered in file order without those that have no
@@ -80,8 +83,8 @@ impl Shards {
             (&ids, self.transform()),
         );
         let Gathered { ids: all, points, triangles, .. } = gathered;
-        let mut triangles = triangles;
-        triangles.retain(|&[first, ..]| usize::from(owners[all[first as usize] as usize]) == number);
+        let is_owned = |corners: &[u32; 3]| usize::from(owners[all[corners[0] as usize] as usize]) == number;
+        let triangles: Vec<[u32; 3]> = triangles.into_par_iter().with_min_len(RUN).filter(is_owned).collect();
         Ok(Chunk {
             bvh: Bvh::build_triangles(&points, &triangles),
             bounds: bounds(&points, &triangles),
@@ -102,7 +105,8 @@ impl Shards {
     }
 
     fn gather(&self, stream: &Stream, number: usize, placement: &Placement) -> Gathered {
-        let mut triangles: Vec<[u32; 3]> = Vec::new();
+        let count = self.runs(number).map(<[[u32; 3]]>::len).sum();
+        let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(count);
         self.runs(number).for_each(|run| triangles.extend_from_slice(run));
         let corners = || triangles.par_iter().flatten().copied();
         let first = corners().min().unwrap_or(0);
@@ -118,19 +122,21 @@ impl Shards {
             .unzip();
         let ranks = used.ranked();
         let mirrored = self.transform().matrix3.determinant() < 0.0;
-        triangles.par_iter_mut().for_each(|corners| {
-            *corners = corners.map(|corner| ranks.of(corner));
-            if mirrored {
-                corners.swap(1, 2);
-            }
-        });
-        triangles.retain(|corners| triangle::normal(corners.map(|k| points[k as usize])) != Vec3::ZERO);
+        let placed = |corners: [u32; 3]| {
+            let [a, b, c] = corners.map(|corner| ranks.of(corner));
+            let corners = if mirrored { [a, c, b] } else { [a, b, c] };
+            let normal = triangle::normal(corners.map(|k| points[k as usize]));
+            (normal != Vec3::ZERO).then_some(corners)
+        };
+        let triangles = triangles.into_par_iter().with_min_len(RUN).filter_map(placed).collect();
         Gathered { ids, points, cells, triangles }
     }
 }
 
 fn bounds(points: &[Vec3], triangles: &[[u32; 3]]) -> [Vec3; 2] {
-    let corners = triangles.iter().flatten().map(|&corner| points[corner as usize]);
-    let (low, high) = corners.fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), at| (l.min(at), h.max(at)));
-    [low, high]
+    let nothing = || [Vec3::INFINITY, Vec3::NEG_INFINITY];
+    let corners =
+        triangles.par_iter().with_min_len(RUN).flatten_iter().map(|&corner| points[corner as usize]);
+    let boxes = corners.fold(nothing, |[low, high], at| [low.min(at), high.max(at)]);
+    boxes.reduce(nothing, |a, b| [a[0].min(b[0]), a[1].max(b[1])])
 }

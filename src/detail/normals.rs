@@ -24,7 +24,8 @@ impl Normals {
             triangle.iter().for_each(|&k| sums[k as usize] += along);
         }
         // What is lost takes any face's normal.
-        for triangle in triangles {
+        let any_lost = sums.par_iter().any(|&sum| is_lost(sum));
+        for triangle in triangles.iter().filter(|_| any_lost) {
             if triangle.iter().any(|&k| is_lost(sums[k as usize])) {
                 let normal = triangle::normal(corners(triangle));
                 for &k in triangle.iter().filter(|_| normal.is_finite()) {

@@ -1,8 +1,7 @@
 //! Writing the archive of a streamed mesh, chunk after chunk.
 
-use std::ops::Range;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, mpsc};
 
 use bytemuck::{Pod, Zeroable};
 
@@ -87,21 +86,32 @@ pub fn write(
         return Ok(());
     }
     let head = head(stream, shards, placement);
-    let mut writer = begin(storage, path, digests, &head)?;
+    let writer = begin(storage, path, digests, &head)?;
     let tags = tags(head.coloured == 1);
-    let mut sums = Sums::default();
-    for number in 0..shards.chunk_count() {
-        let (first, last) = (1 + number * tags.len(), (number + 1) * tags.len());
-        if writer.entries().len() <= last {
-            pause()?;
-            let chunk = shards.chunk(stream, number, placement)?;
-            let present = writer.entries().len() - first;
-            append(&mut writer, &chunk, &sums, present)?;
-            writer.checkpoint()?;
-        }
-        sums = sums_after(&writer, first..last + 1);
-        advance(shards.owned(number));
-    }
+    let whole = writer.entries().len().saturating_sub(1) / tags.len();
+    (0..whole).for_each(|number| advance(shards.owned(number)));
+    let numbers = whole..shards.chunk_count();
+    let writer = std::thread::scope(|scope| -> Result<Writer> {
+        // A chunk is written while the next one is made; no more than these two are in memory.
+        let (sender, receiver) = mpsc::sync_channel::<Chunk>(0);
+        let keeper = scope.spawn(move || keep(writer, &tags, &receiver));
+        let make_all = || -> Result<()> {
+            for number in numbers {
+                pause()?;
+                let chunk = shards.chunk(stream, number, placement)?;
+                // The keeper hangs up when it has failed: its error is the one that counts.
+                if sender.send(chunk).is_err() {
+                    break;
+                }
+                advance(shards.owned(number));
+            }
+            Ok(())
+        };
+        let made = make_all();
+        drop(sender);
+        let kept = keeper.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        kept.and_then(|writer| made.map(|()| writer))
+    })?;
     writer.finish(&[("program", PROGRAM)])?;
     Ok(())
 }
@@ -149,10 +159,22 @@ fn begin(storage: &Arc<dyn Storage>, path: &Path, digests: Digests, head: &Head)
     Ok(writer)
 }
 
-/// The running numbers after a chunk whose blocks are in the file.
-fn sums_after(writer: &Writer, blocks: Range<usize>) -> Sums {
+/// Appends chunks as they come, after those that the file holds, and makes each durable.
+fn keep(mut writer: Writer, tags: &[Tag], chunks: &mpsc::Receiver<Chunk>) -> Result<Writer> {
+    for chunk in chunks {
+        let begun = (writer.entries().len() - 1) % tags.len();
+        let before = writer.entries().len() - begun;
+        let sums = sums_after(&writer, before);
+        append(&mut writer, &chunk, &sums, begun)?;
+        writer.checkpoint()?;
+    }
+    Ok(writer)
+}
+
+/// The running numbers after the first blocks of the file.
+fn sums_after(writer: &Writer, blocks: usize) -> Sums {
     let mut sums = Sums::default();
-    for entry in &writer.entries()[blocks] {
+    for entry in &writer.entries()[..blocks] {
         let end = entry.range().end;
         match BLOCKS.iter().position(|&tag| tag == entry.tag) {
             Some(0) => sums.triangles = end,
