@@ -6,6 +6,7 @@
 //!
 //! * [`scene`] reads meshes, materials, skies, lamps and cameras into one local, unit-sized frame.
 //! * [`rays`] builds a bounding-volume hierarchy and answers closest-hit and occlusion queries, watertight.
+//! * [`detail`] cuts a mesh that memory cannot hold into chunks, and makes a coarse stand-in for it.
 //! * [`scatter`] grows points over the surfaces, coarse to fine, where they are wanted.
 //! * [`sites`] scatters nested Poisson-disk sites (position, normal, area) over the surfaces.
 //! * [`tree`] arranges the sites' levels into clusters and interpolates between them.
@@ -23,6 +24,7 @@ pub mod bake;
 pub mod basis;
 pub mod cli;
 pub mod compare;
+pub mod detail;
 pub mod error;
 pub mod geometry;
 pub mod light;

@@ -183,6 +183,15 @@ impl<D: AsRef<[u8]>> Archive<D> {
         (0..self.entries.len()).map(|number| Block { archive: self, number })
     }
 
+    /// The block at this position in the file.
+    ///
+    /// # Panics
+    /// When there are not so many.
+    pub fn block(&self, number: usize) -> Block<'_, D> {
+        assert!(number < self.entries.len(), "block {number} of {}", self.entries.len());
+        Block { archive: self, number }
+    }
+
     /// The blocks with a tag, in file order.
     pub fn blocks(&self, tag: Tag) -> impl Iterator<Item = Block<'_, D>> {
         self.all_blocks().filter(move |block| block.entry().tag == tag)

@@ -18,6 +18,40 @@ pub struct Faces {
     pub short: Count,
 }
 
+/// A corner index as the number of one of `vertex_count` vertices.
+pub fn corner(index: i64, vertex_count: u64) -> Result<u32, String> {
+    match u64::try_from(index) {
+        Ok(at) if at < vertex_count => {
+            u32::try_from(at).map_err(|_| format!("vertex index {index} needs more than 32 bits"))
+        }
+        _ => Err(format!("vertex index {index} is out of range, there are {vertex_count} vertices")),
+    }
+}
+
+/// Triangle strips being unwound, index by index.
+#[derive(Default)]
+pub struct Strip {
+    last: [u32; 2],
+    seen: usize,
+}
+
+impl Strip {
+    /// The triangle that the next index completes; -1 starts a new strip, every second triangle is turned over.
+    pub fn next(&mut self, index: i64, vertex_count: u64) -> Result<Option<[u32; 3]>, String> {
+        if index == -1 {
+            self.seen = 0;
+            return Ok(None);
+        }
+        let corner = corner(index, vertex_count)?;
+        let [a, b] = self.last;
+        let triangle = if self.seen.is_multiple_of(2) { [a, b, corner] } else { [b, a, corner] };
+        let is_whole = self.seen >= 2;
+        self.last = [b, corner];
+        self.seen += 1;
+        Ok(is_whole.then_some(triangle))
+    }
+}
+
 /// A face of more than three corners.
 struct Polygon {
     /// How many triangles of `Faces::triangles` come before it.
@@ -56,14 +90,7 @@ impl Faces {
 
     /// A corner index as the vertex number it is.
     pub fn corner(&self, index: i64) -> Result<u32, String> {
-        match u64::try_from(index) {
-            Ok(at) if at < self.vertex_count => {
-                u32::try_from(at).map_err(|_| format!("vertex index {index} needs more than 32 bits"))
-            }
-            _ => {
-                Err(format!("vertex index {index} is out of range, there are {} vertices", self.vertex_count))
-            }
-        }
+        corner(index, self.vertex_count)
     }
 
     /// Adds a triangle.
@@ -102,30 +129,22 @@ impl Faces {
 
     /// Adds a row of triangle strips, -1 starting a new one; every second triangle of a strip is turned over.
     pub fn push_strips(&mut self, indices: impl Iterator<Item = i64>) -> Result<(), String> {
-        let mut last = [0u32; 2];
-        let mut seen = 0usize;
+        let mut strip = Strip::default();
         for index in indices {
-            if index == -1 {
-                seen = 0;
-                continue;
-            }
-            let corner = self.corner(index)?;
-            if seen >= 2 {
-                let triangle = if seen.is_multiple_of(2) {
-                    [last[0], last[1], corner]
-                } else {
-                    [last[1], last[0], corner]
-                };
+            if let Some(triangle) = strip.next(index, self.vertex_count)? {
                 self.push_triangle(triangle, None);
             }
-            last = [last[1], corner];
-            seen += 1;
         }
         Ok(())
     }
 
     /// Cuts the polygons into triangles, in place of each.
     pub fn finish(self, positions: &[DVec3]) -> Triangles {
+        self.finish_at(&|vertex| positions[vertex as usize])
+    }
+
+    /// [`Faces::finish`] with positions by number, from wherever they are.
+    pub fn finish_at(self, position: &dyn Fn(u32) -> DVec3) -> Triangles {
         let mut fans = Count::default();
         if self.polygons.is_empty() {
             return Triangles { triangles: self.triangles, colours: self.colours, fans };
@@ -143,7 +162,7 @@ impl Faces {
         for (number, polygon) in self.polygons.iter().enumerate() {
             copy_until(polygon.before, &mut triangles, &mut colours);
             let corners = &self.corners[polygon.start..polygon.start + polygon.length];
-            if !polygon::triangulate(positions, corners, &mut triangles) {
+            if !polygon::triangulate_at(position, corners, &mut triangles) {
                 fans.note(number as u64);
             }
             if let Some(colours) = &mut colours {

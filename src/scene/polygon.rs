@@ -7,11 +7,12 @@
 use std::collections::HashMap;
 
 use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, Point2, Triangulation};
 
 /// How often something happened and where first.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Count {
     /// How often.
     pub times: u64,
@@ -32,6 +33,11 @@ impl Count {
 /// Appends the triangles of a polygon, wound as it is. Repeated corners in a row count once; fewer than three leave
 /// nothing. Gives false when the outline crosses itself: then it was cut as a fan.
 pub fn triangulate(positions: &[DVec3], corners: &[u32], out: &mut Vec<[u32; 3]>) -> bool {
+    triangulate_at(&|corner| positions[corner as usize], corners, out)
+}
+
+/// [`triangulate`] with positions by number, from wherever they are.
+pub fn triangulate_at(position: &dyn Fn(u32) -> DVec3, corners: &[u32], out: &mut Vec<[u32; 3]>) -> bool {
     let mut outline: Vec<u32> = Vec::with_capacity(corners.len());
     for &corner in corners {
         if outline.last() != Some(&corner) {
@@ -44,8 +50,10 @@ pub fn triangulate(positions: &[DVec3], corners: &[u32], out: &mut Vec<[u32; 3]>
     if outline.len() < 3 {
         return true;
     }
-    let at = |k: usize| positions[outline[k] as usize];
-    let normal = newell_normal(&outline, positions);
+    // Gathered once: positions may come from a file.
+    let positions: Vec<DVec3> = outline.iter().map(|&corner| position(corner)).collect();
+    let at = |k: usize| positions[k];
+    let normal = newell_normal(&positions);
     let turn = |a: usize, b: usize, c: usize| (at(b) - at(a)).cross(at(c) - at(a)).dot(normal);
     let count = outline.len();
     if (1..count - 1).all(|k| turn(0, k, k + 1) > 0.0) && !has_repeats(&outline) {
@@ -56,7 +64,7 @@ pub fn triangulate(positions: &[DVec3], corners: &[u32], out: &mut Vec<[u32; 3]>
         out.extend([[outline[1], outline[2], outline[3]], [outline[1], outline[3], outline[0]]]);
         return true;
     }
-    if let Some(inside) = constrained_delaunay(&outline, positions, normal) {
+    if let Some(inside) = constrained_delaunay(&outline, &positions, normal) {
         out.extend(inside);
         return true;
     }
@@ -79,10 +87,9 @@ fn has_repeats(outline: &[u32]) -> bool {
 }
 
 /// Twice the outline's vector area (Newell's method), relative to its first corner for accuracy far from the origin.
-fn newell_normal(outline: &[u32], positions: &[DVec3]) -> DVec3 {
-    let origin = positions[outline[0] as usize];
-    let relative = |k: usize| positions[outline[k % outline.len()] as usize] - origin;
-    (0..outline.len()).map(|k| relative(k).cross(relative(k + 1))).sum()
+fn newell_normal(positions: &[DVec3]) -> DVec3 {
+    let relative = |k: usize| positions[k % positions.len()] - positions[0];
+    (0..positions.len()).map(|k| relative(k).cross(relative(k + 1))).sum()
 }
 
 /// The outline's triangles, or nothing when it crosses itself or has no area.
@@ -90,7 +97,7 @@ fn constrained_delaunay(outline: &[u32], positions: &[DVec3], normal: DVec3) -> 
     let mut plane = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
     let mut corner_of: HashMap<usize, u32> = HashMap::with_capacity(outline.len());
     let mut handles: Vec<FixedVertexHandle> = Vec::with_capacity(outline.len());
-    for (point, &corner) in flattened(outline, positions, normal)?.iter().zip(outline) {
+    for (point, &corner) in flattened(positions, normal)?.iter().zip(outline) {
         let handle = plane.insert(Point2::new(point.x, point.y)).ok()?;
         corner_of.entry(handle.index()).or_insert(corner);
         handles.push(handle);
@@ -129,16 +136,16 @@ fn constrained_delaunay(outline: &[u32], positions: &[DVec3], normal: DVec3) -> 
 }
 
 /// The corners in the polygon's plane, counter-clockwise, in a box of about unit size.
-fn flattened(outline: &[u32], positions: &[DVec3], normal: DVec3) -> Option<Vec<DVec2>> {
+fn flattened(positions: &[DVec3], normal: DVec3) -> Option<Vec<DVec2>> {
     let normal = normal.try_normalize()?;
     let (s, t) = normal.any_orthonormal_pair();
     // glam's pair is right-handed only up to sign: make s × t = normal.
     let t = if s.cross(t).dot(normal) < 0.0 { -t } else { t };
-    let origin = positions[outline[0] as usize];
-    let mut flat: Vec<DVec2> = outline
+    let origin = positions[0];
+    let mut flat: Vec<DVec2> = positions
         .iter()
-        .map(|&corner| {
-            let d = positions[corner as usize] - origin;
+        .map(|&at| {
+            let d = at - origin;
             DVec2::new(d.dot(s), d.dot(t))
         })
         .collect();

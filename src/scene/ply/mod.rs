@@ -7,6 +7,7 @@ pub mod body;
 pub mod columns;
 pub mod header;
 pub mod scalar;
+pub mod stream;
 pub mod vertices;
 
 use std::fs::File;
@@ -19,6 +20,7 @@ use crate::error::{Error, Result};
 use crate::light::{Rgb, srgb_to_linear};
 use crate::scene::Warning;
 use crate::scene::assemble::{Contents, Part, Streamed};
+use crate::scene::polygon::Count;
 
 /// Reads a PLY file as one part without a material of its own: colours are kept, their use is the caller's choice.
 ///
@@ -33,34 +35,15 @@ pub fn read(path: &Path) -> Result<Contents> {
     let tables = body::read(path, file, file_bytes, &header)?;
     let mut warnings = header_warnings(path, &header);
     let mut warn = |message: String| warnings.push(Warning { file: path.to_path_buf(), message });
-    if tables.overlong.times > 0 {
-        warn(format!(
-            "{} lines hold more numbers than the header declares (first: line {}); the rest of each was ignored",
-            tables.overlong.times, tables.overlong.first
-        ));
-    }
-    if tables.has_more {
-        warn("lines follow after the last row that the header promises; they were ignored".to_string());
-    }
     let short = tables.faces.short;
     if tables.faces.is_empty() {
-        let (place, what) = match short.times {
-            0 => ("element tristrips".to_string(), "strips".to_string()),
-            times => (format!("face row {}", short.first), format!("{times} faces")),
-        };
-        let problem = format!("no triangle: all {what} have fewer than 3 corners");
-        let remedy = "give a mesh with faces, or correct the header's counts";
-        return Err(Error::input(path, place, problem, remedy));
+        return Err(no_triangle(path, short));
     }
-    if short.times > 0 {
-        warn(format!("{} faces with fewer than 3 corners skipped (first: row {})", short.times, short.first));
-    }
+    row_warnings(tables.overlong, tables.has_more, short).into_iter().for_each(&mut warn);
     let float_colours = tables.vertices.has_float_colours();
     let vertices = tables.vertices;
     let cut = tables.faces.finish(&vertices.positions);
-    if cut.fans.times > 0 {
-        warn(format!("{} polygons cross themselves and were cut as fans", cut.fans.times));
-    }
+    fan_warning(cut.fans).into_iter().for_each(&mut warn);
     let mut colours = vertices.colours;
     let mut from_float = float_colours;
     if let (None, Some(of_faces)) = (&colours, &cut.colours) {
@@ -105,6 +88,39 @@ pub fn left(path: &Path, resident: u64) -> Result<Option<Contents>> {
     let part = Part { streamed, colours: coloured.then(Vec::new), ..Part::default() };
     let warnings = header_warnings(path, &header);
     Ok(Some(Contents { parts: vec![part], warnings, ..Contents::default() }))
+}
+
+/// What was odd about the rows: lines with too many numbers, lines too many, faces too short.
+fn row_warnings(overlong: Count, has_more: bool, short: Count) -> Vec<String> {
+    let mut warnings = Vec::new();
+    if overlong.times > 0 {
+        warnings.push(format!(
+            "{} lines hold more numbers than the header declares (first: line {}); the rest of each was ignored",
+            overlong.times, overlong.first
+        ));
+    }
+    if has_more {
+        warnings.push("lines follow after the last row that the header promises; they were ignored".into());
+    }
+    if short.times > 0 {
+        let (times, first) = (short.times, short.first);
+        warnings.push(format!("{times} faces with fewer than 3 corners skipped (first: row {first})"));
+    }
+    warnings
+}
+
+fn fan_warning(fans: Count) -> Option<String> {
+    (fans.times > 0).then(|| format!("{} polygons cross themselves and were cut as fans", fans.times))
+}
+
+/// The error for a mesh whose faces are all too short.
+fn no_triangle(path: &Path, short: Count) -> Error {
+    let (place, what) = match short.times {
+        0 => ("element tristrips".to_string(), "strips".to_string()),
+        times => (format!("face row {}", short.first), format!("{times} faces")),
+    };
+    let problem = format!("no triangle: all {what} have fewer than 3 corners");
+    Error::input(path, place, problem, "give a mesh with faces, or correct the header's counts")
 }
 
 /// Reads and parses the header of an open PLY.

@@ -2,6 +2,7 @@
 //! through ply-rs.
 
 use std::io::{self, Read};
+use std::ops::Range;
 use std::path::Path;
 
 use ply_rs::parser::Parser;
@@ -26,21 +27,28 @@ pub struct Body<'a, R> {
 }
 
 /// A number at a fixed place of a row.
-#[derive(Clone, Copy)]
-struct Field {
-    offset: usize,
-    scalar: Scalar,
-    role: usize,
+#[derive(Debug, Clone, Copy)]
+pub struct Field {
+    /// Bytes before it.
+    pub offset: usize,
+    /// Its type.
+    pub scalar: Scalar,
+    /// What it means: [`POSITION`](crate::scene::ply::columns::POSITION) and so on.
+    pub role: usize,
 }
 
 /// The layout of a face row with one list.
-struct FaceLayout {
+pub struct FaceLayout {
     before: Vec<Field>,
-    before_bytes: usize,
-    count: Scalar,
-    item: Scalar,
+    /// Bytes before the list.
+    pub before_bytes: usize,
+    /// Type of the list's length.
+    pub count: Scalar,
+    /// Type of its numbers.
+    pub item: Scalar,
     after: Vec<Field>,
-    after_bytes: usize,
+    /// Bytes after the list.
+    pub after_bytes: usize,
 }
 
 impl<R: Read> Body<'_, R> {
@@ -50,7 +58,7 @@ impl<R: Read> Body<'_, R> {
     /// [`Error::Input`] naming row and byte for a short file or a position that is not finite.
     pub fn vertices(&mut self, element: &Element, columns: &Columns, into: &mut Vertices) -> Result<()> {
         let Some(stride) = element.stride() else {
-            return self.records(element, columns, |_, record| into.push(&record.row));
+            return self.records(element, columns, 0..element.count, |_, record| into.push(&record.row));
         };
         let (fields, _) = fields_of(element, columns, 0..element.properties.len());
         let big = self.encoding == Encoding::Big;
@@ -71,9 +79,23 @@ impl<R: Read> Body<'_, R> {
     /// # Errors
     /// [`Error::Input`] naming row and byte for a short file or an index out of range.
     pub fn faces(&mut self, element: &Element, columns: &Columns, into: &mut Faces) -> Result<()> {
+        self.face_rows(element, columns, 0..element.count, into)
+    }
+
+    /// Reads the next rows of the face element, which have these numbers.
+    ///
+    /// # Errors
+    /// As [`Self::faces`].
+    pub fn face_rows(
+        &mut self,
+        element: &Element,
+        columns: &Columns,
+        rows: Range<u64>,
+        into: &mut Faces,
+    ) -> Result<()> {
         let colour_reader = columns.roles[COLOUR].map(ColourReader::new);
         let Some(layout) = FaceLayout::of(element, columns) else {
-            return self.records(element, columns, |number, record| {
+            return self.records(element, columns, rows, |number, record| {
                 let colour = colour_reader.as_ref().map(|reader| reader.colour(&record.row));
                 into.push(number, record.indices().into_iter(), colour)
             });
@@ -82,7 +104,7 @@ impl<R: Read> Body<'_, R> {
         let head = layout.before_bytes + layout.count.size();
         let item_bytes = layout.item.size();
         let mut row: Row = [0.0; ROLES];
-        for number in 0..element.count {
+        for number in rows {
             let mut step = || -> io::Result<Result<usize, String>> {
                 let bytes = self.window.at_least(head)?;
                 let length = layout.count.read_integer(&bytes[layout.before_bytes..], big);
@@ -121,7 +143,8 @@ impl<R: Read> Body<'_, R> {
     /// # Errors
     /// As [`Self::faces`].
     pub fn strips(&mut self, element: &Element, columns: &Columns, into: &mut Faces) -> Result<()> {
-        self.records(element, columns, |_, record| into.push_strips(record.indices().into_iter()))
+        let rows = 0..element.count;
+        self.records(element, columns, rows, |_, record| into.push_strips(record.indices().into_iter()))
     }
 
     /// Passes over an element that nobody asked for.
@@ -130,22 +153,26 @@ impl<R: Read> Body<'_, R> {
     /// [`Error::Input`] when the file ends within it.
     pub fn skip(&mut self, element: &Element, columns: &Columns) -> Result<()> {
         let Some(stride) = element.stride() else {
-            return self.records(element, columns, |_, _| Ok(()));
+            return self.records(element, columns, 0..element.count, |_, _| Ok(()));
         };
         let skipped = self.window.skip(element.count.saturating_mul(stride as u64));
         skipped.map_err(|e| broken(self.path, element, element.count, self.window.offset, e))
     }
 
-    /// Any layout, through ply-rs.
-    fn records(
+    /// The next rows of any layout, through ply-rs.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming row and byte, also when `each` finds a problem.
+    pub fn records(
         &mut self,
         element: &Element,
         columns: &Columns,
+        rows: Range<u64>,
         mut each: impl FnMut(u64, &Record) -> Result<(), String>,
     ) -> Result<()> {
         let definition = record::definition(element, columns, self.encoding);
         let parser = Parser::<Record>::new();
-        for number in 0..element.count {
+        for number in rows {
             let before = self.window.offset;
             let read = match self.encoding {
                 Encoding::Big => parser.read_big_endian_element(&mut self.window, &definition),
@@ -157,14 +184,15 @@ impl<R: Read> Body<'_, R> {
         Ok(())
     }
 
-    fn refuse(&self, element: &Element, number: u64, problem: String) -> Error {
+    /// The error for a row that holds what makes no sense.
+    pub fn refuse(&self, element: &Element, number: u64, problem: String) -> Error {
         let place = format!("{} row {number} at byte {}", element.name, self.window.offset);
         Error::input(self.path, place, problem, "repair the file, e.g. by exporting it again")
     }
 }
 
 /// The error for a row that could not be read.
-fn broken(path: &Path, element: &Element, number: u64, offset: u64, error: io::Error) -> Error {
+pub fn broken(path: &Path, element: &Element, number: u64, offset: u64, error: io::Error) -> Error {
     let place = format!("{} row {number} of {} at byte {offset}", element.name, element.count);
     match error.kind() {
         io::ErrorKind::UnexpectedEof => Error::input(
@@ -182,7 +210,7 @@ fn broken(path: &Path, element: &Element, number: u64, offset: u64, error: io::E
 
 impl FaceLayout {
     /// The layout if the element holds the list of indices and otherwise single numbers only.
-    fn of(element: &Element, columns: &Columns) -> Option<Self> {
+    pub fn of(element: &Element, columns: &Columns) -> Option<Self> {
         let at = columns.uses.iter().position(|&found| found == Use::Indices)?;
         let Kind::List { count, item } = element.properties[at].kind else { return None };
         let lists = element.properties.iter().filter(|p| matches!(p.kind, Kind::List { .. })).count();
@@ -193,10 +221,16 @@ impl FaceLayout {
         let (after, after_bytes) = fields_of(element, columns, at + 1..element.properties.len());
         Some(Self { before, before_bytes, count, item, after, after_bytes })
     }
+
+    /// Whether a row is a length in one byte and indices of 32 bits, and nothing else.
+    pub fn is_plain(&self) -> bool {
+        let alone = self.before_bytes == 0 && self.after_bytes == 0 && self.count.size() == 1;
+        alone && matches!(self.item, Scalar::I32 | Scalar::U32)
+    }
 }
 
 /// The fields with a role among a run of scalar columns, and the run's bytes.
-fn fields_of(element: &Element, columns: &Columns, range: std::ops::Range<usize>) -> (Vec<Field>, usize) {
+pub fn fields_of(element: &Element, columns: &Columns, range: Range<usize>) -> (Vec<Field>, usize) {
     let mut offset = 0;
     let mut fields = Vec::new();
     for (property, found) in element.properties[range.clone()].iter().zip(&columns.uses[range]) {
@@ -209,7 +243,8 @@ fn fields_of(element: &Element, columns: &Columns, range: std::ops::Range<usize>
     (fields, offset)
 }
 
-fn read_fields(fields: &[Field], bytes: &[u8], big: bool, row: &mut Row) {
+/// Reads the numbers with a role out of a row.
+pub fn read_fields(fields: &[Field], bytes: &[u8], big: bool, row: &mut Row) {
     for field in fields {
         row[field.role] = field.scalar.read(&bytes[field.offset..], big);
     }

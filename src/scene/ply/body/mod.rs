@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::scene::faces::Faces;
 use crate::scene::ply::columns::{COLOUR, Columns, POSITION};
 use crate::scene::ply::header::{Element, Encoding, Header};
+use crate::scene::ply::scalar::Scalar;
 use crate::scene::ply::vertices::{ColourReader, Vertices};
 use crate::scene::polygon::Count;
 
@@ -31,12 +32,61 @@ pub struct Tables {
 }
 
 /// What an element is to the reader.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Vertices.
     Vertices,
+    /// Polygons.
     Faces,
+    /// Triangle strips.
     Strips,
+    /// Nothing.
     Skipped,
+}
+
+/// Which table is what.
+#[derive(Debug)]
+pub struct Layout {
+    /// One per element.
+    pub parts: Vec<Part>,
+    /// One per element.
+    pub columns: Vec<Columns>,
+    /// Rows of the vertex element.
+    pub vertex_count: u32,
+}
+
+impl Layout {
+    /// Finds the tables of a mesh and checks that it is one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming what the header lacks.
+    pub fn of(path: &Path, header: &Header) -> Result<Self> {
+        let parts = parts(path, header)?;
+        let columns: Vec<Columns> = header.elements.iter().map(Columns::of).collect();
+        // `parts` has found a vertex element.
+        let at = parts.iter().position(|&part| part == Part::Vertices).unwrap_or(0);
+        if !columns[at].has(POSITION) {
+            let names = property_names(&header.elements[at]);
+            let problem = format!("no numbers called x, y and z (properties: {names})");
+            return Err(Error::input(path, "element vertex", problem, "give every vertex a position"));
+        }
+        // Counts are below the file's size by now, and indices are 32 bits wide.
+        let vertex_count = u32::try_from(header.elements[at].count).map_err(|_| {
+            let problem = "more than 4294967295 vertices";
+            Error::input(path, "element vertex", problem, "split the mesh into several files")
+        })?;
+        Ok(Self { parts, columns, vertex_count })
+    }
+
+    /// The place of the element that is this part.
+    pub fn at(&self, wanted: Part) -> Option<usize> {
+        self.parts.iter().position(|&part| part == wanted)
+    }
+
+    /// The type of the colours that a part's element has.
+    pub fn coloured(&self, wanted: Part) -> Option<Scalar> {
+        self.at(wanted).and_then(|at| self.columns[at].roles[COLOUR])
+    }
 }
 
 /// Reads all tables.
@@ -44,42 +94,23 @@ enum Part {
 /// # Errors
 /// [`Error::Input`] naming element, row and line or byte.
 pub fn read(path: &Path, mut file: File, file_bytes: u64, header: &Header) -> Result<Tables> {
-    let parts = parts(path, header)?;
-    let columns: Vec<Columns> = header.elements.iter().map(Columns::of).collect();
-    let count = |wanted: Part| {
-        parts.iter().position(|&part| part == wanted).map_or(0, |at| header.elements[at].count)
-    };
-    let coloured =
-        |wanted: Part| parts.iter().position(|&part| part == wanted).and_then(|at| columns[at].roles[COLOUR]);
-    let vertex_columns = parts.iter().position(|&part| part == Part::Vertices).map(|at| &columns[at]);
-    let vertex_columns = vertex_columns.filter(|columns| columns.has(POSITION)).ok_or_else(|| {
-        let vertices = parts.iter().position(|&part| part == Part::Vertices);
-        let names = vertices.map_or(String::new(), |at| property_names(&header.elements[at]));
-        let problem = format!("no numbers called x, y and z (properties: {names})");
-        Error::input(path, "element vertex", problem, "give every vertex a position")
-    })?;
-    // Counts are below the file's size by now, and indices are 32 bits wide.
-    let vertex_count = u32::try_from(count(Part::Vertices)).map_err(|_| {
-        Error::input(
-            path,
-            "element vertex",
-            "more than 4294967295 vertices",
-            "split the mesh into several files",
-        )
-    })?;
+    let layout = Layout::of(path, header)?;
+    let Layout { parts, columns, vertex_count } = &layout;
+    let vertex_columns = &columns[layout.at(Part::Vertices).unwrap_or(0)];
+    let faces = layout.at(Part::Faces).map_or(0, |at| header.elements[at].count);
     let mut tables = Tables {
-        vertices: Vertices::with_capacity(vertex_columns, vertex_count as usize),
+        vertices: Vertices::with_capacity(vertex_columns, *vertex_count as usize),
         faces: Faces::with_capacity(
-            u64::from(vertex_count),
-            usize::try_from(count(Part::Faces)).unwrap_or(0),
-            coloured(Part::Faces).is_some() && coloured(Part::Vertices).is_none(),
+            u64::from(*vertex_count),
+            usize::try_from(faces).unwrap_or(0),
+            layout.coloured(Part::Faces).is_some() && layout.coloured(Part::Vertices).is_none(),
         ),
         overlong: Count::default(),
         has_more: false,
-        float_face_colours: coloured(Part::Faces).is_some_and(super::scalar::Scalar::is_float),
+        float_face_colours: layout.coloured(Part::Faces).is_some_and(Scalar::is_float),
     };
     file.seek(SeekFrom::Start(header.body_offset)).map_err(|e| Error::io(path, "seeking to the body", e))?;
-    let work = header.elements.iter().zip(parts.iter().zip(&columns));
+    let work = header.elements.iter().zip(parts.iter().zip(columns));
     if header.encoding == Encoding::Ascii {
         read_text(path, file, header, work, &mut tables)?;
     } else {

@@ -1,6 +1,7 @@
 //! ASCII bodies: rows are read by ply-rs, with a lenient second look at what its grammar refuses.
 
 use std::io::BufRead;
+use std::ops::Range;
 use std::path::Path;
 
 use ply_rs::parser::Parser;
@@ -35,12 +36,26 @@ impl<R: BufRead> Body<'_, R> {
         &mut self,
         element: &Element,
         columns: &Columns,
+        each: impl FnMut(u64, &Record) -> Result<(), String>,
+    ) -> Result<()> {
+        self.rows_in(element, columns, 0..element.count, each)
+    }
+
+    /// Reads the next rows of an element, which have these numbers.
+    ///
+    /// # Errors
+    /// As [`Self::rows`].
+    pub fn rows_in(
+        &mut self,
+        element: &Element,
+        columns: &Columns,
+        rows: Range<u64>,
         mut each: impl FnMut(u64, &Record) -> Result<(), String>,
     ) -> Result<()> {
         let definition = record::definition(element, columns, Encoding::Ascii);
         let parser = Parser::<Record>::new();
         let mut bytes = Vec::new();
-        for number in 0..element.count {
+        for number in rows {
             let text = self.next_line(&mut bytes, element, number)?;
             let tokens = text.split_ascii_whitespace().count();
             let read = match parser.read_ascii_element(text, &definition) {
