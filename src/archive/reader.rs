@@ -247,6 +247,16 @@ impl<'a, D: AsRef<[u8]>> Block<'a, D> {
             .map_err(|error| self.damaged(format!("expected {ALIGNMENT}-byte alignment: {error}")))
     }
 
+    /// The array of a plain block that was found whole before; None for any other. Neither the system nor the checksum is
+    /// asked again, so that a ray may ask: should the file be cut meanwhile, the process leaves as
+    /// [`leave_when_cut`](super::leave_when_cut) has it.
+    pub fn known<T: Pod>(&self) -> Option<&'a [T]> {
+        let entry = self.entry();
+        let whole = self.archive.checked[self.number].load(Ordering::Relaxed) == WHOLE;
+        let fits = entry.codec == PLAIN && usize::from(entry.width_bytes) == size_of::<T>();
+        if whole && fits { bytemuck::try_cast_slice(self.payload()).ok() } else { None }
+    }
+
     /// The stored bytes, encoded as [`Entry::codec`] says. [`Entry::raw_bytes`] is a claim: bound what it makes you
     /// allocate. Each call asks the system whether the file is still whole, so keep the slice rather than ask per row.
     ///

@@ -10,6 +10,7 @@ pub mod report;
 pub mod store;
 pub mod validate;
 pub mod verify;
+pub mod vertices;
 pub mod work;
 
 pub use job::{Job, open, run, run_in};

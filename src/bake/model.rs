@@ -4,6 +4,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
+use super::job::streams::Details;
 use crate::basis::Basis;
 use crate::light::Rgb;
 use crate::links::Surroundings;
@@ -23,6 +24,8 @@ pub struct Model {
     pub scene: Scene,
     /// The ray engine.
     pub bvh: Bvh,
+    /// What proxies in the scene stand for.
+    pub details: Details,
     /// Where radiosity is known.
     pub sites: Sites,
     /// Which sites see each other.

@@ -21,6 +21,9 @@ pub struct Options {
     /// What turns radiosity into irradiance.
     #[serde(default, skip_serializing_if = "is_default")]
     pub operator: Operator,
+    /// PLY meshes of more triangles than this stay in their files; 2 million when `None`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub resident: Option<u64>,
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
@@ -46,6 +49,7 @@ impl Default for Options {
             seed: 0,
             basis: Basis::default(),
             operator: Operator::default(),
+            resident: None,
             max_memory_bytes: None,
             restart: false,
             preview: true,
@@ -53,7 +57,15 @@ impl Default for Options {
     }
 }
 
+/// Meshes of more triangles stay in their files: about 1 GB of memory.
+const RESIDENT: u64 = 2_000_000;
+
 impl Options {
+    /// The most triangles of a mesh that is read into memory.
+    pub fn resident(&self) -> u64 {
+        self.resident.unwrap_or(RESIDENT)
+    }
+
     /// How the options that change the result differ from those `stored` with a job, in the words of the command
     /// line; `None` when the stored job answers this request.
     pub fn difference(&self, stored: &Self) -> Option<String> {
@@ -63,6 +75,7 @@ impl Options {
             ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
             ("--seed", stored.seed.to_string(), self.seed.to_string()),
             ("--basis", stored.basis.to_string(), self.basis.to_string()),
+            ("--resident", stored.resident().to_string(), self.resident().to_string()),
             ("--operator", stored.operator.to_string(), self.operator.to_string()),
         ];
         let lines: Vec<String> = pairs

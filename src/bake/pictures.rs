@@ -1,11 +1,14 @@
 //! What a bake leaves for the eye: `mesh.ply` and `preview.png`.
 
-use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
+use super::job::{Job, WORK_FOLDER};
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
-use crate::archive::{Ledger, Tag};
+use super::store;
+use super::vertices::{self, Workshop};
+use crate::archive::{Digests, Disk, Ledger, Storage, Tag};
 use crate::bake::model::Model;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
@@ -49,14 +52,11 @@ pub fn write(
     let mut quick = field;
     quick.params.doubt = field.params.doubt.max(PREVIEW_DOUBT);
     (quick.params.rays, quick.params.most_rays, quick.params.noise) = (PREVIEW_RAYS, PREVIEW_RAYS, 0.0);
-    let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
-    let kept = Kept { ledger, failed: Mutex::new(None) };
-    let evaluate = |points: &[SurfacePoint]| kept.evaluate(&field, points);
-    ply::export(&job.join(MESH_FILE), scene, &evaluate, &|vertices| {
-        kept.failure()?;
-        stage.advance(vertices)
-    })?;
-    let mesh = stage.finish();
+    let mesh = if model.details.is_empty() {
+        held(job, model, (monitor, ledger))?
+    } else {
+        streamed(job, model, monitor)?
+    };
     let view = match scene.cameras.first() {
         Some(camera) => crate::output::picture::View { camera: camera.clone(), see_through: false },
         None => frame(scene, bvh, PREVIEW_SIZE),
@@ -67,6 +67,60 @@ pub fn write(
     let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
     Ok(vec![mesh, stage.finish()])
+}
+
+/// The mesh of a scene that is in memory.
+fn held(job: &Path, model: &Model, (monitor, ledger): (&dyn Monitor, &Ledger<'_>)) -> Result<StageTime> {
+    let (scene, field) = (&model.scene, model.field());
+    let stage = Stage::start(monitor, "mesh", "vertices", Some(scene.vertices.len() as u64));
+    let kept = Kept { ledger, failed: Mutex::new(None) };
+    let evaluate = |points: &[SurfacePoint]| kept.evaluate(&field, points);
+    ply::export(&job.join(MESH_FILE), scene, &evaluate, &|vertices| {
+        kept.failure()?;
+        stage.advance(vertices)
+    })?;
+    Ok(stage.finish())
+}
+
+/// The meshes that stay in their files: `mesh.ply` is the first of them, `mesh-2.ply` the second.
+fn streamed(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<StageTime> {
+    let folder = job.join(WORK_FOLDER);
+    std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "making the folder", e))?;
+    stream_to(&job.join(MESH_FILE), (model, store::digests_of(job)?), &folder, monitor)
+}
+
+/// Writes a job's streamed meshes, the first to `path`, others beside it with a number.
+///
+/// # Errors
+/// Those of [`vertices::export`].
+pub fn write_streamed(job: &Job, path: &Path, monitor: &dyn Monitor) -> Result<StageTime> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let scratch = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder in it", e))?;
+    stream_to(path, (job.model(), store::digests_of(job.directory())?), scratch.path(), monitor)
+}
+
+fn stream_to(
+    path: &Path,
+    (model, digests): (&Model, Digests),
+    folder: &Path,
+    monitor: &dyn Monitor,
+) -> Result<StageTime> {
+    let total: u64 = model.details.iter().map(|(_, detail)| detail.vertices()).sum();
+    let stage = Stage::start(monitor, "mesh", "vertices", Some(total));
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    let pause = || monitor.check();
+    let workshop = Workshop { storage: &storage, folder, digests, pause: &pause };
+    for number in 0..model.details.len() {
+        let path = if number == 0 { path.to_path_buf() } else { numbered(path, number + 1) };
+        vertices::export((&path, model, number), &workshop, &|done| stage.advance(done))?;
+    }
+    Ok(stage.finish())
+}
+
+/// `mesh-2.ply` for `mesh.ply`.
+fn numbered(path: &Path, number: usize) -> PathBuf {
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{number}.ply"))
 }
 
 /// Answers that are kept; a failure is told at the next opportunity, and what is written until then is thrown away.

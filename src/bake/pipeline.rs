@@ -1,7 +1,8 @@
 //! The stages in their order, in memory: scene → sites → links → solution → judgement.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
+use super::job::streams::Details;
 use super::laws::Plan;
 use super::model::Model;
 use super::report::progress::{Monitor, Stage};
@@ -11,6 +12,7 @@ use super::work::grading::Shine;
 use super::work::{self, Grounds, Layout, Work};
 use crate::archive::{Ledger, One, Pause, Tag};
 use crate::basis::Basis;
+use crate::detail;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
@@ -73,6 +75,8 @@ pub struct Stand {
     pub scene: Scene,
     /// The ray engine.
     pub bvh: Bvh,
+    /// What proxies in the scene stand for.
+    pub details: Details,
 }
 
 impl Stand {
@@ -91,7 +95,17 @@ impl Stand {
         let stage = Stage::start(monitor, "rays", "triangles", Some(triangles));
         let bvh = Bvh::build(&scene);
         stage.advance(triangles)?;
-        Ok((Self { scene, bvh }, stage.finish()))
+        Ok((Self { scene, bvh, details: Details::new() }, stage.finish()))
+    }
+
+    /// With what proxies in the scene stand for.
+    #[must_use]
+    pub fn with_details(self, details: Details) -> Self {
+        if details.is_empty() {
+            return self;
+        }
+        let near = Arc::new(detail::near(&self.scene, &details));
+        Self { bvh: self.bvh.with_near(near), details, ..self }
     }
 }
 
@@ -194,7 +208,7 @@ pub fn reach_kept(
         spent.rays += rays as u64;
         if let Some((model, mut report)) = made {
             spent.stages.append(&mut report.stages);
-            stand = Some(Stand { scene: model.scene, bvh: model.bvh });
+            stand = Some(Stand { scene: model.scene, bvh: model.bvh, details: model.details });
         }
         aim *= (TIGHTER * target.error / reached).clamp(0.4, TIGHTER);
     }
@@ -223,7 +237,7 @@ pub fn build(
 
 /// As [`build`], with a ledger: blocks that it holds are not made again.
 fn build_kept(
-    Stand { scene, bvh }: Stand,
+    Stand { scene, bvh, details }: Stand,
     plan: &Plan,
     bounces: Option<usize>,
     (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
@@ -290,6 +304,7 @@ fn build_kept(
     let model = Model {
         scene,
         bvh,
+        details,
         sites,
         graph,
         cells,
@@ -305,6 +320,7 @@ fn build_kept(
         smooth: OnceLock::new(),
     };
     judge(&model, plan, watch, &mut report)?;
+    model.bvh.sound()?;
     Ok((model, report))
 }
 

@@ -44,6 +44,24 @@ pub fn bytes(text: &str) -> Result<u64, String> {
     if size >= 1.0 && size < 2f64.powi(63) { Ok(size as u64) } else { Err(problem()) }
 }
 
+/// Parses a number of things, as 2000000, 500k or 2M (decimal).
+pub fn count(text: &str) -> Result<u64, String> {
+    let problem = || "expected a number such as 2000000, 500k or 2M".to_owned();
+    let text = text.trim();
+    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
+    let (digits, unit) = text.split_at(split);
+    let value: f64 = digits.parse().map_err(|_| problem())?;
+    let factor = match unit.to_ascii_lowercase().as_str() {
+        "" => 1.0,
+        "k" => 1e3,
+        "m" => 1e6,
+        "g" => 1e9,
+        _ => return Err(problem()),
+    };
+    let count = value * factor;
+    if count < 2f64.powi(63) { Ok(count as u64) } else { Err(problem()) }
+}
+
 /// A parser of the bases' names.
 pub fn basis() -> impl TypedValueParser<Value = Basis> {
     PossibleValuesParser::new(Basis::ALL.map(Basis::name)).try_map(|name| name.parse::<Basis>())

@@ -8,6 +8,7 @@
 mod bits;
 mod chunk;
 mod grid;
+mod near;
 mod normals;
 mod paged;
 mod read;
@@ -17,6 +18,7 @@ mod sweep;
 mod write;
 
 pub use chunk::Chunk;
+pub use near::near;
 pub use read::Detail;
 pub use shards::Shards;
 pub use write::write;

@@ -81,6 +81,11 @@ impl<'a> BvhView<'a> {
         Ok(Self { branches, packets })
     }
 
+    /// Takes arrays that [`BvhView::checked`] took before.
+    pub(crate) fn known(branches: &'a [Branch], packets: &'a [Packet]) -> Self {
+        Self { branches, packets }
+    }
+
     /// The branches, root first; empty without triangles.
     pub fn branches(&self) -> &'a [Branch] {
         self.branches

@@ -14,6 +14,7 @@ use glam::Vec3;
 use smallvec::SmallVec;
 
 use super::{Bvh, BvhView, Hit, LANES, NO_TRIANGLE, Ray};
+use crate::error::{Error, Result};
 use crate::geometry::{LIFT, triangle};
 
 /// All triangles answer up to this many cells of the proxy from a ray's origin.
@@ -37,6 +38,9 @@ const TABLE: usize = 48;
 pub trait Chunks: Debug + Send + Sync {
     /// A chunk's hierarchy; None when it cannot be read, which the owner remembers as an error.
     fn view(&self, chunk: usize) -> Option<BvhView<'_>>;
+
+    /// The first error that kept a chunk from being read, once.
+    fn failure(&self) -> Option<Error>;
 }
 
 /// What answers near a ray's origin.
@@ -198,6 +202,14 @@ impl Bvh {
     /// What answers near rays' origins, if that is more than this hierarchy.
     pub fn near(&self) -> Option<&Near> {
         self.near.as_deref()
+    }
+
+    /// Errors when some of the full resolution could not be read: what was traced since is not to be used.
+    ///
+    /// # Errors
+    /// What the reader of the chunks found.
+    pub fn sound(&self) -> Result<()> {
+        self.near().and_then(|near| near.chunks.failure()).map_or(Ok(()), Err)
     }
 
     /// How far what this hierarchy holds may lie from the surface, local units: zero without a nearer resolution.

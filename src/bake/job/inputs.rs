@@ -17,6 +17,9 @@ pub struct Inputs {
     pub files: Vec<(PathBuf, String)>,
     /// Digest of vertices, triangles, normals and sides: what R depends on.
     pub geometry: String,
+    /// Archives of chunks, for meshes that stay in their files: their names tell their content.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub streamed: Vec<String>,
     /// Digest of everything else: albedos, lights, sky, cameras.
     pub light: String,
 }
@@ -37,7 +40,7 @@ impl Inputs {
     ///
     /// # Errors
     /// [`crate::Error::Io`] when a file cannot be read again.
-    pub fn of(scene_path: &Path, scene: &Scene) -> Result<Self> {
+    pub fn of(scene_path: &Path, scene: &Scene, streamed: &[String]) -> Result<Self> {
         let mut files = vec![scene_path.to_path_buf()];
         for mesh in &scene.meshes {
             if !files.contains(&mesh.file) {
@@ -48,13 +51,14 @@ impl Inputs {
         Ok(Self {
             files: files.into_iter().map(digested).collect::<Result<_>>()?,
             geometry: geometry(scene).to_string(),
+            streamed: streamed.to_vec(),
             light: record::light_digest(scene)?.to_string(),
         })
     }
 
     /// What has changed since these inputs were recorded.
     pub fn change(&self, now: &Self) -> Change {
-        match (self.geometry == now.geometry, self.light == now.light) {
+        match (self.geometry == now.geometry && self.streamed == now.streamed, self.light == now.light) {
             (true, true) => Change::Nothing,
             (true, false) => Change::Light(self.changed_files(now)),
             (false, _) => Change::Geometry(self.changed_files(now)),
@@ -85,7 +89,10 @@ impl Inputs {
     /// # Errors
     /// None in practice: the fields are text.
     pub fn digest(&self) -> Result<Digest> {
-        Digest::of_options(&(&self.geometry, &self.light))
+        if self.streamed.is_empty() {
+            return Digest::of_options(&(&self.geometry, &self.light));
+        }
+        Digest::of_options(&(&self.geometry, &self.light, &self.streamed))
     }
 }
 

@@ -10,6 +10,7 @@ mod lock;
 mod relit;
 mod run;
 mod side;
+pub mod streams;
 
 use std::path::{Path, PathBuf};
 

@@ -41,10 +41,16 @@ pub fn solve(
     let (sites, samples) = Sites::settle(arrays, &surface, &model.plots, plan.sites.seed);
     let (lamps, glowing) = lamps::split(&model.scene);
     (model.albedo, model.exitance) = materials(&model.scene, &sites, &samples, &glowing);
+    // Sites lie on proxies where there are any, and see through them alone.
+    let (proxy, near) = model.bvh.without_near();
+    model.bvh = proxy;
     let Model { scene, bvh, graph, cells, .. } = &model;
     let around = Surroundings { scene, bvh, sites: &sites, graph, cells };
     let (direct, rays) = look(around, (&samples, &lamps), &model.field.direct, ledger)?;
     model.direct = direct;
+    if let Some(near) = near {
+        model.bvh = model.bvh.with_near(near);
+    }
     (model.lamps, model.sites) = (lamps, sites);
     report.rays += rays;
     stage.advance(model.sites.len() as u64)?;

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::journal::{self, Work};
+use super::streams::{self, Details, Workshop};
 use super::{Budget, Change, INPUTS_FILE, Inputs, Lock, OPTIONS_FILE, REPLACED_FILE, relit, side};
 use crate::archive::{Digest, Digests, Disk, Ledger, Storage};
 use crate::bake::model::Model;
@@ -89,7 +90,10 @@ pub fn standing(job: &Path) -> Result<Option<String>> {
     if inputs.files.iter().all(|(file, _)| written(file) <= recorded) {
         return Ok(None);
     }
-    let now = Inputs::of(scene_path, &scene::load(scene_path)?)?;
+    if !inputs.streamed.is_empty() {
+        return Ok(Some("a file is younger than the job; a bake tells whether it differs".to_owned()));
+    }
+    let now = Inputs::of(scene_path, &scene::load(scene_path)?, &[])?;
     Ok(match inputs.change(&now) {
         Change::Nothing => None,
         Change::Light(what) => {
@@ -145,8 +149,9 @@ struct Bake<'a> {
 /// A scene that was read for this run.
 struct Subject {
     scene: Scene,
+    details: Details,
     inputs: Inputs,
-    read: StageTime,
+    stages: Vec<StageTime>,
 }
 
 impl Bake<'_> {
@@ -155,7 +160,7 @@ impl Bake<'_> {
         made.map_err(|e| Error::io(job, "making the job directory", e))?;
         let mut lock = Lock::take(job, self.monitor)?;
         if self.options.restart && job.join(OPTIONS_FILE).exists() {
-            let subject = self.subject()?;
+            let subject = self.subject(job)?;
             let kept = self.kept_geometry(job, &subject.inputs).then_some(job);
             return self.replace(job, &mut lock, subject, kept);
         }
@@ -164,7 +169,7 @@ impl Bake<'_> {
         if let Some(difference) = stored.and_then(|stored| self.options.difference(&stored)) {
             return Err(differs(difference));
         }
-        let subject = self.subject()?;
+        let subject = self.subject(job)?;
         let before = side::read::<Inputs>(&job.join(INPUTS_FILE))?;
         // Files that were lost are made again.
         let finished = job.join(SUMMARY_FILE).exists() && store::is_complete(job);
@@ -199,16 +204,38 @@ impl Bake<'_> {
             && (only_bounces && change == Change::Nothing || matches!(change, Change::Light(_)))
     }
 
-    fn subject(&self) -> Result<Subject> {
+    /// Reads the scene; what is too large for memory is cut into chunks that go into the job's directory.
+    fn subject(&self, job: &Path) -> Result<Subject> {
         let stage = Stage::start(self.monitor, "scene", "files", None);
-        let scene = scene::load(self.scene_path)?;
+        let contents = scene::draft(self.scene_path, self.options.resident())?;
+        let pause = || {
+            self.monitor.check()?;
+            self.budget.check(self.meter)
+        };
+        let mut stages = Vec::new();
+        let (scene, details, names) = if contents.parts.iter().any(|part| part.streamed.is_some()) {
+            let params = streams::cut_params(self.options.error);
+            let (storage, monitor) = (self.storage, self.monitor);
+            let workshop = Workshop { storage, job, pause: &pause, monitor, params };
+            let made = workshop.stream(contents, self.scene_path)?;
+            stages = made.stages;
+            (made.scene, made.details, made.names)
+        } else {
+            (contents.into_scene(self.scene_path)?, Details::new(), Vec::new())
+        };
         for warning in &scene.warnings {
             self.monitor.warn(&format!("{}: {}", warning.file.display(), warning.message));
         }
-        let inputs = Inputs::of(self.scene_path, &scene)?;
+        let inputs = Inputs::of(self.scene_path, &scene, &names)?;
         stage.advance(inputs.files.len() as u64)?;
         self.budget.check(self.meter)?;
-        Ok(Subject { scene, inputs, read: stage.finish() })
+        let read = stage.finish();
+        let inner: f64 = stages.iter().map(|s| s.seconds).sum();
+        let inner_cpu: f64 = stages.iter().map(|s| s.cpu_seconds).sum();
+        let (seconds, cpu_seconds) =
+            ((read.seconds - inner).max(0.0), (read.cpu_seconds - inner_cpu).max(0.0));
+        stages.insert(0, StageTime { seconds, cpu_seconds, ..read });
+        Ok(Subject { scene, details, inputs, stages })
     }
 
     /// A job that is finished and was asked the same: at most its pictures are missing.
@@ -236,6 +263,7 @@ impl Bake<'_> {
             self.storage.remove_directory(&beside).map_err(failed("removing what it replaced"))?;
         }
         side::make_directory(self.storage, &beside).map_err(failed("making a directory beside it"))?;
+        streams::share(&subject.inputs.streamed, job, &beside)?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
         let summary = match self.answered(&beside, &subject.inputs)? {
             // An earlier run was ended just before the exchange.
@@ -269,7 +297,7 @@ impl Bake<'_> {
     }
 
     fn bake(&self, job: &Path, subject: Subject, old: Option<&Path>) -> Result<Summary> {
-        let Subject { scene, inputs, read } = subject;
+        let Subject { scene, details, inputs, mut stages } = subject;
         let digests = digests(&inputs, self.options)?;
         self.record(job, &inputs)?;
         let pause = || {
@@ -277,13 +305,18 @@ impl Bake<'_> {
             self.budget.check(self.meter)
         };
         let work = Work::resume(self.storage, job, digests, (&pause, self.monitor))?;
-        let counts = (scene.triangles.len() as u64, scene.vertices.len() as u64);
-        let mut stages = vec![read];
-        let (model, report) = self.model(scene, old, &work, &mut stages)?;
+        let counts = counts(&scene, &details);
+        let chunks: Vec<String> =
+            details.iter().zip(&inputs.streamed).map(|((mesh, _), name)| format!("{mesh}:{name}")).collect();
+        let (model, report) = self.model((scene, details), old, &work, &mut stages)?;
         let stage = Stage::start(self.monitor, "store", "bytes", None);
         let ledger = work.ledger("store")?;
         let asked = serde_json::to_string(self.options).unwrap_or_default();
-        let provenance = [("options", asked.as_str())];
+        let chunks = chunks.join(",");
+        let mut provenance = vec![("options", asked.as_str())];
+        if !chunks.is_empty() {
+            provenance.push((store::DETAIL_KEY, chunks.as_str()));
+        }
         let shelf = Shelf { storage: self.storage, job, digests, ledger: &ledger, provenance: &provenance };
         let stored = store::write_to(&shelf, &model)?;
         self.monitor.disk(stored.archive_bytes);
@@ -310,7 +343,7 @@ impl Bake<'_> {
     /// From the scene, or from another job's R.
     fn model(
         &self,
-        scene: Scene,
+        (scene, details): (Scene, Details),
         old: Option<&Path>,
         work: &Work<'_>,
         stages: &mut Vec<StageTime>,
@@ -324,7 +357,8 @@ impl Bake<'_> {
         self.budget.ask("the ray engine", Stand::bytes(&scene))?;
         let (stand, built) = Stand::new(scene, self.monitor)?;
         stages.push(built);
-        let (model, _, report) = pipeline::reach_kept(stand, &target, self.monitor, work)?;
+        let (model, _, report) =
+            pipeline::reach_kept(stand.with_details(details), &target, self.monitor, work)?;
         Ok((model, report))
     }
 
@@ -356,6 +390,17 @@ fn beside(job: &Path, old: Option<&Path>) -> Result<PathBuf> {
         Some(old) => format!(".relit-{:.8}", store::links_content(old)?.to_string()),
     });
     Ok(PathBuf::from(name))
+}
+
+/// Triangles and vertices of the scene as its files have it.
+fn counts(scene: &Scene, details: &Details) -> (u64, u64) {
+    let mut counts = (scene.triangles.len() as u64, scene.vertices.len() as u64);
+    for (mesh, detail) in details {
+        let proxy = &scene.meshes[*mesh];
+        counts.0 += detail.triangles() - proxy.triangles.len() as u64;
+        counts.1 += detail.vertices() - proxy.vertices.len() as u64;
+    }
+    counts
 }
 
 /// The figures of a summary that the run itself has no part in.

@@ -9,8 +9,9 @@ use std::sync::{Arc, OnceLock};
 use glam::{Mat3, Vec3};
 
 use crate::archive::{Archive, Digest, Digests, Disk, Ledger, Storage, Tag, Writer};
+use crate::bake::job::streams::{self, Details};
 use crate::bake::model::Model;
-use crate::bake::pipeline::leaf_order;
+use crate::bake::pipeline::{Stand, leaf_order};
 use crate::basis::Basis;
 use crate::error::{Error, Result};
 use crate::links::direct::{Direct, DirectParams, LampLink};
@@ -115,6 +116,14 @@ pub fn links_content(job: &Path) -> Result<Digest> {
     Ok(open(job, "links")?.content())
 }
 
+/// What a job's files were made from.
+///
+/// # Errors
+/// Those of opening the last of them.
+pub fn digests_of(job: &Path) -> Result<Digests> {
+    Ok(open(job, "light")?.digests())
+}
+
 /// Whether all of a job's files are there, damaged or not.
 pub fn is_complete(job: &Path) -> bool {
     FILES.iter().all(|(kind, _)| job.join(format!("{kind}.glow")).is_file())
@@ -137,15 +146,18 @@ pub enum Purpose {
 /// Reads a model back.
 pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
     let (scene, bvh) = read_scene(job)?;
+    let details = streams::open(job, &chunk_files(job)?)?;
     let (sites, graph, plots) = read_sites(job)?;
     let cells = Cells::new(&Surface::new(&scene, leaf_order(&bvh)), &plots);
     let (lamps, _) = lamps::split(&scene);
     let (albedo, exitance) = read_materials(job, &sites)?;
     let (direct, receivers, spread) = read_links(job, (&sites, purpose), (&scene, &lamps))?;
     let (solution, field) = read_light(job, &receivers, &sites)?;
+    let Stand { scene, bvh, details } = Stand { scene, bvh, details: Details::new() }.with_details(details);
     Ok(Model {
         scene,
         bvh,
+        details,
         sites,
         graph,
         cells,
@@ -161,6 +173,27 @@ pub fn read(job: &Path, purpose: Purpose) -> Result<Model> {
         smooth: OnceLock::new(),
     })
 }
+
+/// The archives of chunks that a job's scene refers to, each with the number of the mesh whose proxy is in the scene.
+///
+/// # Errors
+/// Those of opening the scene's archive; [`Error::Damaged`] when it names what is no such file.
+pub fn chunk_files(job: &Path) -> Result<Vec<(usize, String)>> {
+    let archive = open(job, "scene")?;
+    let Some((_, text)) = archive.provenance().iter().find(|(key, _)| key == DETAIL_KEY) else {
+        return Ok(Vec::new());
+    };
+    let plain = |name: &str| name.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'-' | b'.'));
+    let parse = |entry: &str| {
+        let (mesh, name) = entry.split_once(':')?;
+        plain(name).then_some((mesh.parse().ok()?, name.to_owned()))
+    };
+    let files: Option<Vec<(usize, String)>> = text.split(',').map(parse).collect();
+    files.ok_or_else(|| damaged(&archive, DETAIL_KEY, format!("expected mesh:file, got {text:.80}")))
+}
+
+/// What the provenance calls the archives of chunks.
+pub const DETAIL_KEY: &str = "detail";
 
 fn damaged(archive: &Archive, place: &str, problem: impl Into<String>) -> Error {
     Error::Damaged { file: archive.file().to_owned(), place: place.into(), problem: problem.into() }

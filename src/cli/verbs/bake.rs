@@ -23,6 +23,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         seed: request.seed,
         basis: request.basis,
         operator: request.operator,
+        resident: request.resident,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,

@@ -14,10 +14,14 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
-    let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
-    let evaluate = |points: &[_]| job.evaluate(points);
-    ply::export(&request.output, job.scene(), &evaluate, &|vertices| stage.advance(vertices))?;
-    stage.finish();
+    if job.model().details.is_empty() {
+        let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
+        let evaluate = |points: &[_]| job.evaluate(points);
+        ply::export(&request.output, job.scene(), &evaluate, &|vertices| stage.advance(vertices))?;
+        stage.finish();
+    } else {
+        bake::pictures::write_streamed(&job, &request.output, console)?;
+    }
     let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)

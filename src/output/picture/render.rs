@@ -195,14 +195,23 @@ impl Renderer<'_> {
         let black = back && !material.two_sided;
         let front = smooth_normal(self.scene, &self.normals, hit.triangle, [hit.u, hit.v]);
         let albedo = self.scene.albedo(hit.triangle, hit.u, hit.v);
+        // Where the scene is a proxy, the surface itself is shown.
+        let near = Ray { t_min: hit.distance - 1.0e-5, ..*ray };
+        let met = self.bvh.surface(&near);
+        let point = match met {
+            Some(met) => {
+                SurfacePoint { position: ray.origin + ray.direction * met.distance, normal: met.normal }
+            }
+            None => SurfacePoint {
+                position: triangle::point(self.scene.corners(hit.triangle), hit.u, hit.v),
+                normal: if back { -front } else { front },
+            },
+        };
         Sample {
             pixel,
             cell,
             mesh,
-            point: SurfacePoint {
-                position: triangle::point(self.scene.corners(hit.triangle), hit.u, hit.v),
-                normal: if back { -front } else { front },
-            },
+            point,
             albedo: if black { Vec3::ZERO } else { albedo },
             emitted: if black { Vec3::ZERO } else { material.radiance },
             depth: self.pinhole.depth(ray, hit.distance),

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use glam::Vec3;
+
 use super::columns::{Plan, encode, values};
 use super::{Work, put};
 use crate::error::Result;
@@ -15,7 +17,7 @@ use crate::scene::ply::scalar::Scalar;
 const FAR: f64 = 16.0;
 
 /// Writes all meshes' vertices with normals and light, and all triangles, in the scene's order.
-pub fn write(path: &Path, scene: &Scene, work: &Work<'_>) -> Result<()> {
+pub fn write(path: &Path, scene: &Scene, normals: &[Vec3], work: &Work<'_>) -> Result<()> {
     let far = scene.placement.origin.abs().max_element() > FAR * scene.placement.scale;
     let scalar = if far { Scalar::F64 } else { Scalar::F32 };
     let plan = Plan::of(&Element { name: "vertex".into(), count: 0, properties: vec![] });
@@ -39,7 +41,7 @@ pub fn write(path: &Path, scene: &Scene, work: &Work<'_>) -> Result<()> {
             row.clear();
             let world = scene.placement.to_world(scene.vertices[vertex]);
             world.to_array().into_iter().for_each(|value| encode(scalar, value, &mut row));
-            for value in work.field.normals()[vertex].to_array() {
+            for value in normals[vertex].to_array() {
                 row.extend(value.to_le_bytes());
             }
             plan.apply(&mut row, &[], &values(light, work.exposure));

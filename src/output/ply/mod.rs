@@ -28,23 +28,65 @@ const BATCH: usize = 1 << 12;
 /// [`Error::Usage`] when `path` is the input itself, [`Error::Input`] when the input changed since it was read,
 /// input/output errors, and what `advance` says.
 pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Advance<'_>) -> Result<()> {
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if scene.meshes.iter().any(|mesh| same(&mesh.file, path)) {
+    if scene.meshes.iter().any(|mesh| is_same(&mesh.file, path)) {
         return Err(Error::Usage(format!("{}: would overwrite the scene's own mesh", path.display())));
     }
     let field = VertexField::new(scene, evaluate);
-    let work = Work { exposure: field.exposure(), field, advance };
+    let work = Work { exposure: field.exposure(), lights: &field, advance };
     match &scene.meshes[..] {
         [mesh] if mesh.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) => {
             rewrite::write(path, &mesh.file, &work)
         }
-        _ => merged::write(path, scene, &work),
+        _ => merged::write(path, scene, field.normals(), &work),
     }
+}
+
+/// As [`export`], for a PLY whose vertices' light comes from elsewhere, in the order of the file.
+///
+/// # Errors
+/// As [`export`], and what `lights` says.
+pub fn rewrite(
+    (path, source): (&Path, &Path),
+    lights: &dyn Lights,
+    exposure: f32,
+    advance: &Advance<'_>,
+) -> Result<()> {
+    if is_same(path, source) {
+        return Err(Error::Usage(format!("{}: would overwrite the scene's own mesh", path.display())));
+    }
+    rewrite::write(path, source, &Work { lights, exposure, advance })
+}
+
+/// The light of a file's vertices.
+pub trait Lights: Sync {
+    /// How many there are.
+    fn count(&self) -> usize;
+
+    /// That of a range of them, in order.
+    ///
+    /// # Errors
+    /// Those of finding it.
+    fn light(&self, range: Range<usize>) -> Result<Vec<VertexLight>>;
+}
+
+impl Lights for VertexField<'_> {
+    fn count(&self) -> usize {
+        self.normals().len()
+    }
+
+    fn light(&self, range: Range<usize>) -> Result<Vec<VertexLight>> {
+        Ok(Self::light(self, range))
+    }
+}
+
+/// Whether both paths lead to one file.
+fn is_same(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// What both ways of writing share.
 struct Work<'a> {
-    field: VertexField<'a>,
+    lights: &'a dyn Lights,
     exposure: f32,
     advance: &'a Advance<'a>,
 }
@@ -54,7 +96,7 @@ impl Work<'_> {
     fn for_each(&self, count: usize, mut each: impl FnMut(usize, &VertexLight) -> Result<()>) -> Result<()> {
         for start in (0..count).step_by(BATCH) {
             let range: Range<usize> = start..(start + BATCH).min(count);
-            for (vertex, light) in range.clone().zip(self.field.light(range.clone())) {
+            for (vertex, light) in range.clone().zip(self.lights.light(range.clone())?) {
                 each(vertex, &light)?;
             }
             (self.advance)(range.len() as u64)?;

@@ -22,7 +22,7 @@ pub fn write(path: &Path, source: &Path, work: &Work<'_>) -> Result<()> {
     let source_bytes = file.metadata().map_err(failed)?.len();
     let header = read_header(source, &mut file)?;
     header.check_counts(source, source_bytes)?;
-    let count = work.field.normals().len() as u64;
+    let count = work.lights.count() as u64;
     let vertex = header.elements.iter().find(|element| element.name == "vertex");
     let Some(vertex) = vertex.filter(|vertex| vertex.count == count) else {
         let problem = format!("expected {count} vertices, as when it was baked");

@@ -63,7 +63,7 @@ fn guesses(job: &Path) -> impl Iterator<Item = Inputs> {
     }
     scenes.sort();
     scenes.dedup();
-    scenes.into_iter().filter_map(|path| Inputs::of(&path, &scene::load(&path).ok()?).ok())
+    scenes.into_iter().filter_map(|path| Inputs::of(&path, &scene::load(&path).ok()?, &[]).ok())
 }
 
 fn write<T: Serialize>(job: &Path, name: &str, found: Option<T>, repaired: &mut Repaired) -> Result<()> {
