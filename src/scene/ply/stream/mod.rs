@@ -282,7 +282,7 @@ impl Survey<'_> {
                 offset += element.count * stride as u64;
                 continue;
             }
-            if found.faces.is_some() && vertices {
+            if found.faces.is_some() && vertices && part != Part::Vertices {
                 break;
             }
             let mut file = self.file;

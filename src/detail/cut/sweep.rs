@@ -8,8 +8,8 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::NOBODY;
 use super::bits::Bits;
-use super::shards::NOBODY;
 use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::scene::ply::stream::Stream;

@@ -6,21 +6,27 @@
 //! Lindstrom makes one pass over a soup of triangles with memory for the result; here vertices have numbers, so cells are
 //! grouped to chunks first, and a cell never has to be merged.
 
+pub mod bits;
+mod grid;
+mod paged;
+mod sweep;
+
 use std::path::Path;
 use std::sync::Mutex;
 
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::CutParams;
-use super::bits::Bits;
-use super::grid::{BLOCK_BITS, Grid, Histogram, Occupied};
-use super::paged::{Paged, Pages};
-use super::sweep::Sweep;
 use crate::archive::{Map, Pause};
 use crate::error::{Error, Result};
 use crate::scene::ply::stream::marker::{self, Origin};
 use crate::scene::ply::stream::{FaceNotes, Stream};
+use bits::Bits;
+use grid::{BLOCK_BITS, Grid, Histogram, Occupied};
+use paged::{Paged, Pages};
+use sweep::Sweep;
+
+use super::CutParams;
 
 /// The owner of a vertex that no face uses.
 pub const NOBODY: u16 = u16::MAX;
@@ -136,9 +142,10 @@ impl Shards {
         &self.transform
     }
 
-    /// The grid of cells.
-    pub(super) fn grid(&self) -> &Grid {
-        &self.grid
+    /// The cell that holds a world point.
+    #[inline]
+    pub(super) fn cell_of(&self, at: DVec3) -> u64 {
+        self.grid.cell(at)
     }
 
     /// The cells of a chunk.
