@@ -90,7 +90,11 @@ impl Shards {
             params: [params.chunk_triangles, params.proxy_triangles],
             transform: transform.to_cols_array().map(f64::to_bits),
         };
-        let there: Option<(Asked, Cut)> = marker::read(&mark).filter(|(made, _)| *made == asked);
+        let there: Option<(Asked, Cut)> = marker::read(&mark).filter(|(made, cut): &(Asked, Cut)| {
+            let pages = cut.pages.iter().map(Pages::bytes).sum::<u64>();
+            let whole = [(&owners, 2 * stream.vertex_count()), (&corners, pages)];
+            *made == asked && whole.iter().all(|(path, bytes)| length(path) == Some(*bytes))
+        });
         let cut = if let Some((_, cut)) = there {
             cut
         } else {
@@ -162,6 +166,10 @@ impl Shards {
     pub(super) fn runs(&self, number: usize) -> impl Iterator<Item = &[[u32; 3]]> {
         self.cut.pages[number].runs(self.corners.as_ref())
     }
+}
+
+fn length(path: &Path) -> Option<u64> {
+    path.metadata().ok().map(|metadata| metadata.len())
 }
 
 fn from_bits(bits: [u64; 3]) -> DVec3 {
