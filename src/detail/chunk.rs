@@ -4,9 +4,9 @@ use glam::{DVec3, Vec3};
 use half::f16;
 use rayon::prelude::*;
 
-use super::bits::Bits;
+use super::Shards;
+use super::cut::bits::Bits;
 use super::normals::Normals;
-use super::shards::Shards;
 use super::simplify::{self, Means};
 use crate::error::Result;
 use crate::geometry::triangle;
@@ -117,7 +117,7 @@ impl Shards {
             .par_iter()
             .map(|&id| {
                 let world = self.world(stream, id);
-                (placement.to_local(world), self.grid().cell(world))
+                (placement.to_local(world), self.cell_of(world))
             })
             .unzip();
         let ranks = used.ranked();

@@ -5,22 +5,18 @@
 //! corner. The proxy has a vertex for every cell that is occupied and a triangle for every three cells that some triangle
 //! of the file joins.
 
-mod bits;
 mod chunk;
-mod grid;
+mod cut;
 mod near;
 mod normals;
-mod paged;
 mod read;
-mod shards;
 mod simplify;
-mod sweep;
 mod write;
 
 pub use chunk::Chunk;
+pub use cut::Shards;
 pub use near::near;
 pub use read::Detail;
-pub use shards::Shards;
 pub use write::write;
 
 /// How a mesh is cut.

@@ -30,6 +30,16 @@ impl Surroundings<'_> {
         set_down(self.bvh, point)
     }
 
+    /// The site that speaks for a point of the surface, without a look at the surface itself.
+    pub fn site_below(&self, point: &SurfacePoint) -> Option<SiteId> {
+        let Some(hit) = self.bvh.beside(point.position, point.normal) else { return self.site_under(point) };
+        match self.mark(&hit) {
+            super::rows::BLACK => None,
+            super::rows::LOST => self.ground().represent(point),
+            site => Some(SiteId(site)),
+        }
+    }
+
     /// As [`Surroundings::footing`], for a point of the full surface: the proxy next to it knows the site.
     pub(super) fn footing_beside(&self, point: &SurfacePoint) -> (Option<SiteId>, SurfacePoint) {
         let down = |lift: f32| Ray {

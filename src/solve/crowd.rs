@@ -1,18 +1,20 @@
-//! Points that lie so close together that they share rows, as the vertices of a scan do: where receivers are not believed,
-//! rows are gathered at some of the points, and the others interpolate between those.
+//! Points that lie so close together that they share rows, as the vertices of a scan do: rows are gathered at some of the
+//! points, and the others interpolate between those.
 //!
 //! This work is based on: Lehtinen et al., "A Meshless Hierarchical Representation for Light Transport", SIGGRAPH 2008
-//! (finer levels where coarser ones, interpolated, would miss the light). A level halves the spacing of rows around the
-//! points that still disagree; what a point costs falls with the density of points, since rows follow the light.
+//! (finer levels where coarser ones, interpolated, would miss the light), and Ward and Heckbert, "Irradiance Gradients",
+//! 1992 (rows carry their change with the normal). A level halves the spacing of rows around the points that still disagree;
+//! what a point costs falls with the density of points, since rows follow the light.
 
 use glam::Mat3;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::field::{self, BETWEEN, FEWEST, Field, First, Irradiance};
+use super::field::{self, BETWEEN, FEWEST, Field, Irradiance};
 use super::light::RowLight;
 use crate::geometry::SurfacePoint;
 use crate::light::{Rgb, mean_channel};
+use crate::links::direct::{DirectParams, Query};
 use crate::tree::Support;
 use crate::tree::index::{REACH, SupportIndex};
 use crate::tree::mls::{self, Sign};
@@ -21,14 +23,29 @@ use crate::tree::mls::{self, Sign};
 const FIRST_RADIUS: f32 = 0.7;
 
 /// Halvings of that radius at the most.
-const LEVELS: u32 = 5;
+const LEVELS: u32 = 4;
 
-/// Points gather for themselves where a level would need a row for less than so many of them.
-const WORTH: usize = 3;
+/// Points answer for themselves where a level would need a row for less than so many of them.
+const WORTH: usize = 4;
 
-/// Where too few rows are around to tell, light may change by this much of the solution's level over the spacing of sites:
-/// by a share of itself, dark points would speak for lit ones.
+/// Where too few rows are around to tell, light may change by this much of its level over the spacing of sites: by a share of
+/// itself, dark points would speak for lit ones.
 const UNTOLD: f32 = 1.0;
+
+/// Variance of what leaving a row out misses that is noise, over that of a row: its own and the fit's.
+const NOISE_SHARE: f32 = 1.4;
+
+/// Shares of the lamps' light that arrive at rows around a point differ by no more than this where none is in a penumbra.
+const ALIKE: f32 = 0.1;
+
+/// Shared rows have half the rays of others, but no fewer than this: a fit averages the noise of some ten of them.
+const FEWEST_RAYS: u32 = 48;
+
+/// Shadow rays of a shared row.
+const SHADOW_RAYS: u32 = 16;
+
+/// Doubt in a fit beyond its rows is not multiplied by more than this: rows turn with the normal by themselves.
+const MOST_OUTSIDE: f32 = 3.0;
 
 /// A shared row: what it brings, and what the others around it would have said.
 #[derive(Clone, Copy)]
@@ -38,6 +55,16 @@ struct Shared {
     sky_visibility: f32,
     noise: f32,
     surplus: f32,
+    /// The share of the lamps' light that arrives; NaN where none would.
+    arriving: f32,
+}
+
+/// A point with the number of the site below it and its spacing.
+#[derive(Clone, Copy)]
+struct Asked {
+    point: SurfacePoint,
+    site: Option<u32>,
+    spacing: f32,
 }
 
 /// The shared rows of some points.
@@ -46,32 +73,47 @@ struct Crowd {
     supports: Vec<Support>,
     index: SupportIndex,
     rows: Vec<Shared>,
+    /// Mean irradiance of the rows, at least the solution's level.
+    level: f32,
 }
 
+/// What the rows around a point say of the light that is not the lamps'.
+struct Fitted {
+    indirect: Rgb,
+    sky_visibility: f32,
+    error: f32,
+    arriving: Option<f32>,
+}
+
+/// Numbers of rows with their distances.
+type Near = SmallVec<[(f32, u32); 32]>;
+
 impl Field<'_> {
-    /// As [`Field::evaluate`], for points that are dense; the answers depend on which points are asked together, not on the
-    /// number of threads.
+    /// As [`Field::evaluate`], for points of the surface that are dense; the answers depend on which points are asked together,
+    /// not on the number of threads. Points that are not dense are answered as there.
     ///
-    /// Cost: one short ray and one fit a point, two where receivers disagree; rows there by the light's complexity.
+    /// Cost: a short ray and a fit a point, rows by the light's complexity.
     pub fn evaluate_crowd(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
-        let firsts: Vec<First> = points.par_iter().with_min_len(64).map(|p| self.first(p)).collect();
-        let mut answers: Vec<Irradiance> = firsts.iter().map(|f| f.blended).collect();
-        let mut open: Vec<usize> = (0..points.len()).filter(|&k| !firsts[k].trusted).collect();
-        let mut crowd = Crowd::default();
+        let asked: Vec<Asked> = points.par_iter().with_min_len(256).map(|p| self.asked(p)).collect();
+        let mut answers = vec![Irradiance::default(); points.len()];
+        let (mut open, mut alone): (Vec<usize>, Vec<usize>) =
+            (0..points.len()).partition(|&k| asked[k].spacing > 0.0);
+        let mut crowd = Crowd { level: self.solution.level, ..Crowd::default() };
         let mut radius = FIRST_RADIUS;
         for _ in 0..LEVELS {
-            let fresh = crowd.uncovered(&firsts, &open, radius);
+            let fresh = crowd.uncovered(&asked, &open, radius);
             if WORTH * fresh.len() > open.len() {
                 break;
             }
-            let gather = |&k: &usize| self.gather_at(&firsts[k]);
-            let rows: Vec<RowLight> = fresh.par_iter().with_min_len(4).map(gather).collect();
-            let level = self.solution.level;
-            crowd.add((&firsts, &fresh), &rows, (radius, level));
-            let most = self.params.doubt * level;
-            let shared =
-                |&k: &usize| crowd.at(&firsts[k], radius * level).filter(|light| light.error <= most);
-            let found: Vec<Option<Irradiance>> = open.par_iter().with_min_len(64).map(shared).collect();
+            let share = |&k: &usize| self.share(&asked[k]);
+            let rows: Vec<Shared> = fresh.par_iter().with_min_len(4).map(share).collect();
+            crowd.add((&asked, &fresh), rows, radius);
+            let most = self.params.doubt * crowd.level;
+            let answer = |&k: &usize| {
+                let fitted = crowd.at(&asked[k].point, radius).filter(|fitted| fitted.error <= most)?;
+                Some(self.complete(&asked[k], &fitted))
+            };
+            let found: Vec<Option<Irradiance>> = open.par_iter().with_min_len(64).map(answer).collect();
             let mut left = Vec::new();
             for (&k, found) in open.iter().zip(found) {
                 match found {
@@ -82,29 +124,65 @@ impl Field<'_> {
             open = left;
             radius *= 0.5;
         }
-        let own = |&k: &usize| {
-            let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } =
-                self.gather_at(&firsts[k]);
-            Irradiance { direct: firsts[k].blended.direct, indirect, sky_visibility, error }
-        };
-        let gathered: Vec<Irradiance> = open.par_iter().with_min_len(4).map(own).collect();
-        open.into_iter().zip(gathered).for_each(|(k, light)| answers[k] = light);
+        alone.append(&mut open);
+        let own: Vec<SurfacePoint> = alone.iter().map(|&k| points[k]).collect();
+        alone.into_iter().zip(self.evaluate(&own)).for_each(|(k, light)| answers[k] = light);
         answers
+    }
+
+    fn asked(&self, point: &SurfacePoint) -> Asked {
+        let around = self.problem.around;
+        let site = around.site_below(point);
+        let spacing = site.map_or(0.0, |site| around.sites.spacings[site.index()]);
+        Asked { point: *point, site: site.map(|site| site.0), spacing }
+    }
+
+    /// A point's own row, short, and the share of the lamps' light that arrives.
+    fn share(&self, asked: &Asked) -> Shared {
+        let rays = (self.params.rays / 2).max(FEWEST_RAYS);
+        let (row, _) = self.gather_row(&asked.point, field::key(&asked.point), rays);
+        let RowLight { irradiance, gradient, sky_visibility, noise } = row;
+        let open = mean_channel(self.problem.direct.open_at(self.problem.lamps, &asked.point));
+        let arriving = if open > 0.0 {
+            let first = self.params.direct.first.max(SHADOW_RAYS);
+            let params = DirectParams { first, ..self.params.direct };
+            mean_channel(self.direct(asked, &params)) / open
+        } else {
+            f32::NAN
+        };
+        Shared { irradiance, gradient, sky_visibility, noise, surplus: 0.0, arriving }
+    }
+
+    fn direct(&self, asked: &Asked, params: &DirectParams) -> Rgb {
+        let key = field::key(&asked.point);
+        let query = Query { point: asked.point, site: asked.site, rugged: true, key };
+        let problem = &self.problem;
+        problem.direct.at_point(problem.around.bvh, problem.lamps, params, &query)
+    }
+
+    /// With the lamps' light: as much of it as arrives at the rows around, or looked at where those differ.
+    fn complete(&self, asked: &Asked, fitted: &Fitted) -> Irradiance {
+        let direct = match fitted.arriving {
+            Some(share) => self.problem.direct.open_at(self.problem.lamps, &asked.point) * share,
+            None => self.direct(asked, &self.params.direct),
+        };
+        let Fitted { indirect, sky_visibility, error, .. } = *fitted;
+        Irradiance { direct, indirect, sky_visibility, error }
     }
 }
 
 impl Crowd {
     /// The open points that need a row, so that each is within a radius of one: in their order, as far apart as that.
-    fn uncovered(&self, firsts: &[First], open: &[usize], radius: f32) -> Vec<usize> {
+    fn uncovered(&self, asked: &[Asked], open: &[usize], radius: f32) -> Vec<usize> {
         let halved = |s: &Support| Support { radius: 0.5 * s.radius, ..*s };
         let mut index = SupportIndex::new(&self.supports.iter().map(halved).collect::<Vec<_>>());
         let mut fresh = Vec::new();
         for &k in open {
-            let point = firsts[k].set;
+            let Asked { point, spacing, .. } = asked[k];
             let mut covered = false;
             index.for_each(&point, 1.0, |_, _| covered = true);
             if !covered {
-                index.push(Support { point, radius: radius * firsts[k].spacing });
+                index.push(Support { point, radius: radius * spacing });
                 fresh.push(k);
             }
         }
@@ -112,23 +190,20 @@ impl Crowd {
     }
 
     /// Takes in the rows of fresh points; those that are there speak for half as far from now on.
-    fn add(&mut self, (firsts, fresh): (&[First], &[usize]), rows: &[RowLight], (radius, level): (f32, f32)) {
+    fn add(&mut self, (asked, fresh): (&[Asked], &[usize]), rows: Vec<Shared>, radius: f32) {
         self.supports.iter_mut().for_each(|s| s.radius *= 0.5);
-        for (&k, row) in fresh.iter().zip(rows) {
-            self.supports.push(Support { point: firsts[k].set, radius: radius * firsts[k].spacing });
-            self.rows.push(Shared {
-                irradiance: row.irradiance,
-                gradient: row.gradient,
-                sky_visibility: row.sky_visibility,
-                noise: row.noise,
-                surplus: f32::INFINITY,
-            });
+        let support = |&k: &usize| Support { point: asked[k].point, radius: radius * asked[k].spacing };
+        self.supports.extend(fresh.iter().map(support));
+        if self.rows.is_empty() {
+            let sum: f32 = rows.iter().map(|row| mean_channel(row.irradiance)).sum();
+            self.level = self.level.max(sum / rows.len().max(1) as f32);
         }
+        self.rows.extend(rows);
         self.index = SupportIndex::new(&self.supports);
         let surplus = |r: usize| {
-            let without = self.fitted(&self.supports[r].point, Some(r));
             let own = self.rows[r].irradiance;
-            let unknown = UNTOLD * radius * level;
+            let unknown = UNTOLD * radius * self.level;
+            let without = self.fitted(&self.supports[r].point, Some(r));
             without.map_or(unknown, |(light, ..)| mean_channel(light - own).abs())
         };
         let surpluses: Vec<f32> =
@@ -137,12 +212,8 @@ impl Crowd {
     }
 
     /// Irradiance fitted to the rows around a point but for one, and by which weights; None where they are too few.
-    fn fitted(
-        &self,
-        at: &SurfacePoint,
-        but: Option<usize>,
-    ) -> Option<(Rgb, SmallVec<[(f32, u32); 32]>, mls::Fit)> {
-        let mut near: SmallVec<[(f32, u32); 32]> = SmallVec::new();
+    fn fitted(&self, at: &SurfacePoint, but: Option<usize>) -> Option<(Rgb, Near, mls::Fit)> {
+        let mut near = Near::new();
         self.index.for_each(at, REACH, |id, distance| {
             if but != Some(id as usize) {
                 near.push((distance, id));
@@ -151,8 +222,11 @@ impl Crowd {
         if near.len() < FEWEST {
             return None;
         }
-        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        near.truncate(mls::MOST);
+        if near.len() > mls::MOST {
+            near.select_nth_unstable_by(mls::MOST - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            near.truncate(mls::MOST);
+        }
+        near.sort_unstable_by_key(|n| n.1);
         let supports: SmallVec<[Support; mls::MOST]> =
             near.iter().map(|n| self.supports[n.1 as usize]).collect();
         let fit = mls::fit(at, &supports, Sign::Any);
@@ -167,39 +241,53 @@ impl Crowd {
         Some((light, near, fit))
     }
 
-    /// The light at a point by the rows around it, and how sure it is; None where they are too few.
-    fn at(&self, first: &First, untold: f32) -> Option<Irradiance> {
-        let Some((indirect, near, fit)) = self.fitted(&first.set, None) else {
-            return self.nearest(first, untold);
-        };
-        let (mut bias, mut noise, mut sky) = (0.0, 0.0, 0.0);
+    /// What the rows around a point say; None where they are too few, or contradict each other.
+    fn at(&self, point: &SurfacePoint, radius: f32) -> Option<Fitted> {
+        let Some((indirect, near, fit)) = self.fitted(point, None) else { return self.nearest(point, radius) };
+        let (mut missed, mut noise, mut carried, mut sky, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (n, w) in near.iter().zip(&fit.weights) {
             let row = &self.rows[n.1 as usize];
-            bias += (BETWEEN * row.surplus).powi(2) * w.abs();
-            noise += (row.noise * w).powi(2);
+            missed += row.surplus.powi(2) * w.abs();
+            noise += row.noise.powi(2) * w.abs();
+            carried += (row.noise * w).powi(2);
             sky += row.sky_visibility * w;
+            total += w.abs();
         }
-        let negative = indirect.min_element() < 0.0;
-        let error = if negative { f32::INFINITY } else { (bias + noise).sqrt() * field::outside(&fit) };
-        Some(Irradiance {
-            direct: first.blended.direct,
-            indirect: indirect.max(Rgb::ZERO),
-            sky_visibility: sky.clamp(0.0, 1.0),
-            error,
-        })
+        if indirect.min_element() < 0.0 {
+            return None;
+        }
+        let bias = BETWEEN * BETWEEN * (missed - NOISE_SHARE * noise).max(0.0) / total;
+        let error = (bias + carried).sqrt() * field::outside(&fit).min(MOST_OUTSIDE);
+        let arriving = self.arriving(&near);
+        Some(Fitted { indirect, sky_visibility: sky.clamp(0.0, 1.0), error, arriving })
     }
 
-    /// The light of the row that covers a point, turned to the point's normal; light may change by `untold` over a radius.
-    fn nearest(&self, first: &First, untold: f32) -> Option<Irradiance> {
+    /// The share of the lamps' light that arrives around, where rows agree on it.
+    fn arriving(&self, near: &[(f32, u32)]) -> Option<f32> {
+        let (mut low, mut high, mut sum, mut weight) = (f32::INFINITY, f32::NEG_INFINITY, 0.0, 0.0);
+        for (distance, id) in near {
+            let share = self.rows[*id as usize].arriving;
+            if !share.is_nan() {
+                (low, high) = (low.min(share), high.max(share));
+                let w = mls::falloff(*distance);
+                (sum, weight) = (sum + share * w, weight + w);
+            }
+        }
+        (weight > 0.0 && high - low <= ALIKE).then(|| sum / weight)
+    }
+
+    /// What the row that covers a point says, turned to the point's normal.
+    fn nearest(&self, point: &SurfacePoint, radius: f32) -> Option<Fitted> {
         let mut best = (1.0, usize::MAX);
-        self.index.for_each(&first.set, 1.0, |id, distance| {
+        self.index.for_each(point, 1.0, |id, distance| {
             best = if distance < best.0 { (distance, id as usize) } else { best };
         });
         let (distance, row) = (best.0, self.rows.get(best.1)?);
-        let turned = row.gradient * (first.set.normal - self.supports[best.1].point.normal);
+        let turned = row.gradient * (point.normal - self.supports[best.1].point.normal);
         let indirect = (row.irradiance + turned).max(Rgb::ZERO);
         // What the turn changes is known to no better than a part of itself.
-        let error = row.noise.hypot(UNTOLD * (untold * distance + mean_channel(turned).abs()));
-        Some(Irradiance { direct: first.blended.direct, indirect, sky_visibility: row.sky_visibility, error })
+        let untold = UNTOLD * (radius * distance * self.level + mean_channel(turned).abs());
+        let error = row.noise.hypot(untold);
+        Some(Fitted { indirect, sky_visibility: row.sky_visibility, error, arriving: None })
     }
 }

@@ -16,7 +16,7 @@ use crate::tree::Support;
 use crate::tree::mls::{self, Fit, Sign};
 
 /// The light that falls on one point, as the solution knows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Irradiance {
     /// From emitters and punctual lamps directly, W·m⁻².
     pub direct: Rgb,
@@ -305,7 +305,7 @@ fn fitted(
 }
 
 /// A point's key: its coordinates' bits, so that equal points get equal answers wherever they stand in a list.
-fn key(point: &SurfacePoint) -> u64 {
+pub(super) fn key(point: &SurfacePoint) -> u64 {
     let p = point.position.to_array().map(|v| u64::from(v.to_bits()));
     hash::mix2(hash::mix2(p[0], p[1]), p[2])
 }

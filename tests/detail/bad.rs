@@ -68,6 +68,15 @@ fn meshes_without_a_triangle_or_an_extent_are_refused() {
 }
 
 #[test]
+fn transforms_into_nowhere_name_the_vertex() {
+    let folder = Folder::new();
+    let path = folder.write("mesh.ply", ply(&small(), &little()));
+    let by = DAffine3::from_scale(glam::DVec3::splat(1e308) * 4.0);
+    let (place, problem) = refused(cut(&path, &by, None, &PARAMS));
+    assert!(place.contains("vertex row 0") && problem.contains("out of range"), "{place}: {problem}");
+}
+
+#[test]
 fn a_file_cut_while_it_is_in_use_is_an_error() {
     let folder = Folder::new();
     let path = folder.write("mesh.ply", ply(&small(), &little()));

@@ -27,6 +27,15 @@ struct Doubtful {
 }
 
 impl Direct {
+    /// Direct irradiance at a point if nothing stood in the way of the lamps.
+    ///
+    /// Cost: the form factors of the clusters that the point tells apart.
+    pub fn open_at(&self, lamps: &[Lamp], point: &SurfacePoint) -> Rgb {
+        let mut shares = Shares::new();
+        self.tree.shares(lamps, point, &mut shares);
+        shares.iter().map(|share| share.light).sum()
+    }
+
     /// Direct irradiance at any point, given the site that speaks for it; `key` decorrelates the shadow rays.
     ///
     /// Cost: the form factors of the clusters that the point tells apart, `first` to `penumbra` rays where the site is

@@ -76,10 +76,9 @@ impl Stream {
         let opened = |e| Error::io(&self.path, "opening the mesh", e);
         let mut file = File::open(&self.path).map_err(opened)?;
         file.seek(SeekFrom::Start(self.faces.offset)).map_err(opened)?;
-        if self.header.encoding == Encoding::Ascii {
-            pass.text(file)?
-        } else {
-            pass.binary(file)?
+        match self.header.encoding {
+            Encoding::Ascii => pass.text(file)?,
+            Encoding::Little | Encoding::Big => pass.binary(file)?,
         }
         if pass.notes.triangles == 0 {
             return Err(no_triangle(&self.path, pass.notes.short));

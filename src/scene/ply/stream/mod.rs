@@ -282,7 +282,7 @@ impl Survey<'_> {
                 offset += element.count * stride as u64;
                 continue;
             }
-            if found.faces.is_some() && vertices {
+            if found.faces.is_some() && vertices && part != Part::Vertices {
                 break;
             }
             let mut file = self.file;
@@ -350,8 +350,11 @@ impl Survey<'_> {
         let at = self.layout.at(Part::Vertices).unwrap_or(0);
         let columns = &self.layout.columns[at];
         let (raw, mark) = (scratch.join("vertices.raw"), scratch.join("vertices.json"));
-        let there = marker::read(&mark).filter(|marker: &CopyMarker| marker.origin == origin);
-        let marker = if let Some(marker) = there.filter(|_| raw.exists()) {
+        let (fields, stride) = convert::fields(columns);
+        let expected = stride as u64 * u64::from(self.layout.vertex_count);
+        let is_whole = raw.metadata().is_ok_and(|metadata| metadata.len() == expected);
+        let there = marker::read(&mark).filter(|marker: &CopyMarker| is_whole && marker.origin == origin);
+        let marker = if let Some(marker) = there {
             marker
         } else {
             std::fs::create_dir_all(scratch).map_err(|e| Error::io(scratch, "creating", e))?;
@@ -371,9 +374,7 @@ impl Survey<'_> {
             marker::write(&mark, &marker)?;
             marker
         };
-        let (fields, stride) = convert::fields(columns);
         let map = Map::open(&raw).map_err(|e| Error::io(&raw, "opening", e))?;
-        let expected = stride as u64 * u64::from(self.layout.vertex_count);
         if map.as_ref().len() as u64 != expected {
             let problem = format!("expected {expected} bytes, got {}", map.as_ref().len());
             return Err(Error::Damaged { file: raw, place: "vertices".into(), problem });

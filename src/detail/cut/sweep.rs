@@ -8,8 +8,8 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::NOBODY;
 use super::bits::Bits;
-use super::shards::NOBODY;
 use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::scene::ply::stream::Stream;
@@ -86,8 +86,10 @@ impl Sweep<'_> {
         let (mut low, mut high) = nothing;
         let each = |vertices: Range<u32>| {
             self.stream.check(vertices.clone())?;
-            let used = vertices.filter(|&vertex| used.contains(vertex)).map(|vertex| self.position(vertex));
-            Ok(used.fold(nothing, |(low, high), at| (low.min(at), high.max(at))))
+            vertices.filter(|&vertex| used.contains(vertex)).try_fold(nothing, |(low, high), vertex| {
+                let at = self.position(vertex);
+                if at.is_finite() { Ok((low.min(at), high.max(at))) } else { Err(self.out_of_range(vertex)) }
+            })
         };
         self.in_order(each, |piece| {
             let (from, to) = piece?;
@@ -98,7 +100,7 @@ impl Sweep<'_> {
         let path = self.stream.path();
         let remedy = "check the coordinates and the transform";
         if !extent.is_finite() {
-            let problem = format!("its transform moves it out of range, to {low} … {high}");
+            let problem = format!("the mesh reaches from {low} to {high}, too far for double precision");
             return Err(Error::input(path, "vertices", problem, remedy));
         }
         if extent <= 0.0 {
@@ -106,6 +108,13 @@ impl Sweep<'_> {
             return Err(Error::input(path, "vertices", problem, remedy));
         }
         Ok([low, high])
+    }
+
+    fn out_of_range(&self, vertex: u32) -> Error {
+        let at = self.position(vertex).to_array();
+        let problem = format!("its transform moves it out of range, to {at:?}");
+        let place = format!("vertex row {vertex}");
+        Error::input(self.stream.path(), place, problem, "correct the transform")
     }
 
     /// Writes two bytes a vertex: what `owner` says of its world position, or [`NOBODY`].

@@ -6,21 +6,27 @@
 //! Lindstrom makes one pass over a soup of triangles with memory for the result; here vertices have numbers, so cells are
 //! grouped to chunks first, and a cell never has to be merged.
 
+pub mod bits;
+mod grid;
+mod paged;
+mod sweep;
+
 use std::path::Path;
 use std::sync::Mutex;
 
 use glam::{DAffine3, DVec3};
 use serde::{Deserialize, Serialize};
 
-use super::CutParams;
-use super::bits::Bits;
-use super::grid::{BLOCK_BITS, Grid, Histogram, Occupied};
-use super::paged::{Paged, Pages};
-use super::sweep::Sweep;
 use crate::archive::{Map, Pause};
 use crate::error::{Error, Result};
 use crate::scene::ply::stream::marker::{self, Origin};
 use crate::scene::ply::stream::{FaceNotes, Stream};
+use bits::Bits;
+use grid::{BLOCK_BITS, Grid, Histogram, Occupied};
+use paged::{Paged, Pages};
+use sweep::Sweep;
+
+use super::CutParams;
 
 /// The owner of a vertex that no face uses.
 pub const NOBODY: u16 = u16::MAX;
@@ -84,7 +90,11 @@ impl Shards {
             params: [params.chunk_triangles, params.proxy_triangles],
             transform: transform.to_cols_array().map(f64::to_bits),
         };
-        let there: Option<(Asked, Cut)> = marker::read(&mark).filter(|(made, _)| *made == asked);
+        let there: Option<(Asked, Cut)> = marker::read(&mark).filter(|(made, cut): &(Asked, Cut)| {
+            let pages = cut.pages.iter().map(Pages::bytes).sum::<u64>();
+            let whole = [(&owners, 2 * stream.vertex_count()), (&corners, pages)];
+            *made == asked && whole.iter().all(|(path, bytes)| length(path) == Some(*bytes))
+        });
         let cut = if let Some((_, cut)) = there {
             cut
         } else {
@@ -136,9 +146,10 @@ impl Shards {
         &self.transform
     }
 
-    /// The grid of cells.
-    pub(super) fn grid(&self) -> &Grid {
-        &self.grid
+    /// The cell that holds a world point.
+    #[inline]
+    pub(super) fn cell_of(&self, at: DVec3) -> u64 {
+        self.grid.cell(at)
     }
 
     /// The cells of a chunk.
@@ -155,6 +166,10 @@ impl Shards {
     pub(super) fn runs(&self, number: usize) -> impl Iterator<Item = &[[u32; 3]]> {
         self.cut.pages[number].runs(self.corners.as_ref())
     }
+}
+
+fn length(path: &Path) -> Option<u64> {
+    path.metadata().ok().map(|metadata| metadata.len())
 }
 
 fn from_bits(bits: [u64; 3]) -> DVec3 {

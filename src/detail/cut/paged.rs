@@ -24,6 +24,11 @@ pub struct Pages {
 }
 
 impl Pages {
+    /// Bytes of its pages.
+    pub fn bytes(&self) -> u64 {
+        self.pages.len() as u64 * PAGE_BYTES as u64
+    }
+
     /// The list, page by page; `file` holds all pages.
     pub fn runs<'a>(&'a self, file: &'a [u8]) -> impl Iterator<Item = &'a [[u32; 3]]> {
         self.pages.iter().enumerate().map(move |(number, &page)| {

@@ -76,7 +76,7 @@ impl Occupied {
             // Eight bits are the cells of one of the next coarser grid.
             let bytes = words.iter().flat_map(|word| word.to_le_bytes());
             let occupied: Vec<bool> = bytes.map(|byte| byte != 0).collect();
-            words = occupied.chunks(64).map(|bits| word_of(bits)).collect();
+            words = occupied.chunks(64).map(word_of).collect();
             edge *= 2.0;
             if ones(&words) < wanted {
                 break;
