@@ -63,7 +63,8 @@ pub fn write(
     };
     let [width, height] = view.camera.size;
     let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
-    let evaluate = |points: &[_]| quick.evaluate(points);
+    let dense = !model.details.is_empty();
+    let evaluate = |points: &[_]| if dense { quick.evaluate_crowd(points) } else { quick.evaluate(points) };
     let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
     Ok(vec![mesh, stage.finish()])

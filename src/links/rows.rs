@@ -118,7 +118,7 @@ impl RawRows {
             let summaries: Vec<RowSummary> = hits
                 .par_chunks_mut(n)
                 .zip(points[range.clone()].par_iter().zip(&keys[range]))
-                .map(|(out, (point, key))| shoot((scene, bvh), &lattice, (point, *key), out))
+                .map(|(out, (point, key))| shoot((scene, bvh), &lattice, (point, *key), out, |_| ()))
                 .collect();
             Ok((hits, summaries))
         };
@@ -131,10 +131,17 @@ impl RawRows {
     }
 
     /// A single row, shot on this thread alone.
-    pub fn single((scene, bvh): (&Scene, &Bvh), point: &SurfacePoint, key: u64, rays: u32) -> Self {
+    pub fn single(within: (&Scene, &Bvh), point: &SurfacePoint, key: u64, rays: u32) -> Self {
+        Self::measured(within, point, key, rays).0
+    }
+
+    /// A single row with the distance of each hit, infinite where there is none.
+    pub fn measured(within: (&Scene, &Bvh), point: &SurfacePoint, key: u64, rays: u32) -> (Self, Vec<f32>) {
         let mut hits = vec![RawHit { side: SKY, u: 0.0, v: 0.0 }; rays as usize];
-        let summary = shoot((scene, bvh), &lattice(rays), (point, key), &mut hits);
-        Self { rays, keys: vec![key], hits, summaries: vec![summary] }
+        let mut distances = Vec::with_capacity(rays as usize);
+        let told = |distance| distances.push(distance);
+        let summary = shoot(within, &lattice(rays), (point, key), &mut hits, told);
+        (Self { rays, keys: vec![key], hits, summaries: vec![summary] }, distances)
     }
 
     /// Adds one row of others.
@@ -320,6 +327,7 @@ fn shoot(
     lattice: &[LatticePoint],
     (point, key): (&SurfacePoint, u64),
     out: &mut [RawHit],
+    mut told: impl FnMut(f32),
 ) -> RowSummary {
     let directions = Directions::new(point.normal, key, lattice.len() as u32);
     let origin = point.lifted();
@@ -327,10 +335,12 @@ fn shoot(
     for (place, at) in out.iter_mut().zip(lattice) {
         let ray = Ray::new(origin, directions.at(*at));
         let Some((distance, hit)) = bvh.closest_fine(&ray) else {
+            told(f32::INFINITY);
             place.side = SKY;
             summary.escaped += 1;
             continue;
         };
+        told(distance);
         summary.hits += 1;
         summary.inverse_distance += 1.0 / distance.max(crate::geometry::LIFT);
         let Some(hit) = hit else {

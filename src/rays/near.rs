@@ -131,7 +131,7 @@ impl Near {
             if k == 1 {
                 // What stands before the surface must not be taken for it.
                 let out = Ray { t_max: self.reach(), ..Ray::new(at + normal * LIFT, normal) };
-                clear = self.distance(&out).unwrap_or(f32::INFINITY);
+                clear = self.meets(&out).map_or(f32::INFINITY, |(distance, _)| distance);
             }
             let lift = (cells * self.cell).min(0.5 * clear);
             let down = Ray {
@@ -147,13 +147,14 @@ impl Near {
         None
     }
 
-    /// How far the nearest of all triangles is.
-    fn distance(&self, ray: &Ray) -> Option<f32> {
-        let mut nearest = self.resident.closest(ray).map(|hit| hit.distance);
-        for chunk in self.around(ray) {
-            let ray = Ray { t_max: nearest.unwrap_or(ray.t_max), ..*ray };
+    /// How far the nearest of all triangles within reach is, and whether it turns its back.
+    fn meets(&self, ray: &Ray) -> Option<(f32, bool)> {
+        let mut ray = Ray { t_max: ray.t_max.min(self.reach()), ..*ray };
+        let mut nearest = self.resident.closest(&ray).map(|hit| (hit.distance, hit.back));
+        for chunk in self.around(&ray) {
+            ray.t_max = nearest.map_or(ray.t_max, |(distance, _)| distance);
             let hit = self.chunks.view(chunk).and_then(|view| view.closest(&ray));
-            nearest = hit.map(|hit| hit.distance).or(nearest);
+            nearest = hit.map(|hit| (hit.distance, hit.back)).or(nearest);
         }
         nearest
     }
@@ -244,6 +245,17 @@ impl Bvh {
         let Some(near) = self.near() else { return false };
         let out = Ray { t_max: TIGHT_CELLS * near.cell, ..Ray::new(at + normal * LIFT, normal) };
         near.occluded(&out)
+    }
+
+    /// Whether a point of the full surface looks at something close, as [`Bvh::is_tight`] has it, or at the back of anything,
+    /// as those do that lie within another body.
+    pub fn is_hidden(&self, at: Vec3, normal: Vec3) -> bool {
+        let Some(near) = self.near() else { return false };
+        let out = Ray::new(at + normal * LIFT, normal);
+        match near.meets(&out) {
+            Some((distance, back)) => back || distance < TIGHT_CELLS * near.cell,
+            None => beyond(near, &out).and_then(|far| self.closest(&far)).is_some_and(|hit| hit.back),
+        }
     }
 
     /// The full surface where a ray from anywhere meets the proxy first. None without a nearer resolution, and where

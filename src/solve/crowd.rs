@@ -65,6 +65,8 @@ struct Asked {
     point: SurfacePoint,
     site: Option<u32>,
     spacing: f32,
+    /// Whether it lies in a slit or within another body.
+    hidden: bool,
 }
 
 /// The shared rows of some points.
@@ -96,18 +98,29 @@ impl Field<'_> {
     pub fn evaluate_crowd(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
         let asked: Vec<Asked> = points.par_iter().with_min_len(256).map(|p| self.asked(p)).collect();
         let mut answers = vec![Irradiance::default(); points.len()];
-        let (mut open, mut alone): (Vec<usize>, Vec<usize>) =
+        let (placed, alone): (Vec<usize>, Vec<usize>) =
             (0..points.len()).partition(|&k| asked[k].spacing > 0.0);
+        // Hidden points do not speak for those beside them, nor those for them.
+        let (hidden, free): (Vec<usize>, Vec<usize>) = placed.into_iter().partition(|&k| asked[k].hidden);
+        self.answer_together(&asked, free, &mut answers);
+        self.answer_together(&asked, hidden, &mut answers);
+        let own: Vec<SurfacePoint> = alone.iter().map(|&k| points[k]).collect();
+        alone.into_iter().zip(self.evaluate(&own)).for_each(|(k, light)| answers[k] = light);
+        answers
+    }
+
+    /// Answers for some of the points by rows that they share, level by level.
+    fn answer_together(&self, asked: &[Asked], mut open: Vec<usize>, answers: &mut [Irradiance]) {
         let mut crowd = Crowd { level: self.solution.level, ..Crowd::default() };
         let mut radius = FIRST_RADIUS;
         for _ in 0..LEVELS {
-            let fresh = crowd.uncovered(&asked, &open, radius);
+            let fresh = crowd.uncovered(asked, &open, radius);
             if WORTH * fresh.len() > open.len() {
                 break;
             }
             let share = |&k: &usize| self.share(&asked[k]);
             let rows: Vec<Shared> = fresh.par_iter().with_min_len(4).map(share).collect();
-            crowd.add((&asked, &fresh), rows, radius);
+            crowd.add((asked, &fresh), rows, radius);
             let most = self.params.doubt * crowd.level;
             let answer = |&k: &usize| {
                 let fitted = crowd.at(&asked[k].point, radius).filter(|fitted| fitted.error <= most)?;
@@ -124,17 +137,17 @@ impl Field<'_> {
             open = left;
             radius *= 0.5;
         }
-        alone.append(&mut open);
-        let own: Vec<SurfacePoint> = alone.iter().map(|&k| points[k]).collect();
-        alone.into_iter().zip(self.evaluate(&own)).for_each(|(k, light)| answers[k] = light);
-        answers
+        let light = |&k: &usize| self.complete(&asked[k], &self.share(&asked[k]).alone());
+        let lights: Vec<Irradiance> = open.par_iter().with_min_len(4).map(light).collect();
+        open.into_iter().zip(lights).for_each(|(k, light)| answers[k] = light);
     }
 
     fn asked(&self, point: &SurfacePoint) -> Asked {
         let around = self.problem.around;
         let site = around.site_below(point);
         let spacing = site.map_or(0.0, |site| around.sites.spacings[site.index()]);
-        Asked { point: *point, site: site.map(|site| site.0), spacing }
+        let hidden = around.bvh.is_hidden(point.position, point.normal);
+        Asked { point: *point, site: site.map(|site| site.0), spacing, hidden }
     }
 
     /// A point's own row, short, and the share of the lamps' light that arrives.
@@ -168,6 +181,15 @@ impl Field<'_> {
         };
         let Fitted { indirect, sky_visibility, error, .. } = *fitted;
         Irradiance { direct, indirect, sky_visibility, error }
+    }
+}
+
+impl Shared {
+    /// What a row says that nobody shares.
+    fn alone(&self) -> Fitted {
+        let arriving = Some(self.arriving).filter(|share| !share.is_nan());
+        let Self { irradiance: indirect, sky_visibility, noise: error, .. } = *self;
+        Fitted { indirect, sky_visibility, error, arriving }
     }
 }
 
@@ -243,7 +265,9 @@ impl Crowd {
 
     /// What the rows around a point say; None where they are too few, or contradict each other.
     fn at(&self, point: &SurfacePoint, radius: f32) -> Option<Fitted> {
-        let Some((indirect, near, fit)) = self.fitted(point, None) else { return self.nearest(point, radius) };
+        let Some((indirect, near, fit)) = self.fitted(point, None) else {
+            return self.nearest(point, radius);
+        };
         let (mut missed, mut noise, mut carried, mut sky, mut total) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for (n, w) in near.iter().zip(&fit.weights) {
             let row = &self.rows[n.1 as usize];

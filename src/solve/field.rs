@@ -81,8 +81,6 @@ pub(super) struct First {
     pub set: SurfacePoint,
     /// Receivers around it.
     pub near: SmallVec<[u32; 32]>,
-    /// Spacing of the sites there, local units; zero where none speaks for the point.
-    pub spacing: f32,
     /// Their answer.
     pub blended: Irradiance,
     /// Whether it may stand.
@@ -134,7 +132,6 @@ impl Field<'_> {
                 || mutually_visible(*point, there, f32::INFINITY, problem.around.bvh)
         };
         let home = site.filter(|s| sees(s) && !problem.around.bvh.is_tight(point.position, point.normal));
-        let spacing = site.map_or(0.0, |s| sites.spacings[s.index()]);
         let site = site.map(|s| s.0);
         let query = Query { point: *point, site, rugged, key: key(point) };
         let direct = problem.direct.at_point(problem.around.bvh, problem.lamps, &self.params.direct, &query);
@@ -148,7 +145,7 @@ impl Field<'_> {
         // Darkness may be a hidden side's, reached through a wall: it is looked into.
         let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
         let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
-        First { set, near, spacing, blended, trusted }
+        First { set, near, blended, trusted }
     }
 
     fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {

@@ -3,6 +3,8 @@
 //! This work is based on: Christensen, "Faster Photon Map Global Illumination", 1999, and Tabellion and Lamorlette 2004
 //! (a gather must not trust stored light at hits that are near: many rays then meet the same wrong value).
 
+use smallvec::SmallVec;
+
 use super::Field;
 use super::light::RowLight;
 use crate::geometry::{SurfacePoint, hash, triangle};
@@ -15,6 +17,9 @@ use crate::sites::SiteId;
 /// Hits closer than this many spacings of the site they meet are looked at.
 const NEAR: f32 = 1.0;
 
+/// Hits closer than this share of that spacing are on the other wall of a slit.
+const SLIT: f32 = 0.1;
+
 /// Rays of such a look.
 const LOOK: u32 = 4;
 
@@ -24,19 +29,56 @@ impl Field<'_> {
     /// Cost: `rays` rays, and five for each that ends nearby where sites differ. Returns the rays traced, too.
     pub fn gather_row(&self, point: &SurfacePoint, key: u64, rays: u32) -> (RowLight, u64) {
         let around = self.problem.around;
-        let raw = RawRows::single((around.scene, around.bvh), point, key, rays);
+        let (raw, distances) = RawRows::measured((around.scene, around.bvh), point, key, rays);
         let hits = raw.hits.clone();
         let row = raw.met(around);
         let mut seen = Vec::with_capacity(rays as usize);
         self.problem.look((&row, 0), point.normal, &self.solution.radiosity, &mut seen);
+        let slit = self.is_in_slit(&row, &distances);
         let mut looked = 0;
         for (k, (hit, light)) in hits.iter().zip(&mut seen).enumerate() {
+            if slit.contains(&(k as u32)) {
+                continue;
+            }
             if let Some(better) = self.look_closer(point, (hit, row.met[k]), hash::mix2(key, k as u64)) {
                 *light = better;
                 looked += 1;
             }
         }
+        self.light_slit(&row, &slit, &mut seen);
         (RowLight::new((&row, 0), point.normal, &seen), u64::from(rays) + looked * u64::from(LOOK + 1))
+    }
+
+    /// The rays that end on what is next to the point, of full surfaces: the other wall of a slit.
+    fn is_in_slit(&self, row: &Rows, distances: &[f32]) -> SmallVec<[u32; 16]> {
+        let around = self.problem.around;
+        if around.bvh.near().is_none() {
+            return SmallVec::new();
+        }
+        let next = |&k: &u32| {
+            let met = row.met[k as usize];
+            met < FIRST_MARK && distances[k as usize] < SLIT * around.sites.spacings[met as usize]
+        };
+        (0..row.rays).filter(next).collect()
+    }
+
+    /// What is next to a point gets the light that the point gets: sites, which are much farther apart, know nothing of what a
+    /// slit keeps away. H = (Σ far + Σ ρ H) / N over the rays.
+    fn light_slit(&self, row: &Rows, slit: &[u32], seen: &mut [Rgb]) {
+        if slit.is_empty() {
+            return;
+        }
+        let (mut reflected, mut sum) = (Rgb::ZERO, seen.iter().sum::<Rgb>());
+        for &k in slit {
+            let site = row.met[k as usize] as usize;
+            reflected += self.problem.albedo[site];
+            sum += self.problem.exitance[site] - seen[k as usize];
+        }
+        let light = sum.max(Rgb::ZERO) / (Rgb::splat(row.rays as f32) - reflected).max(Rgb::splat(1.0e-3));
+        for &k in slit {
+            let site = row.met[k as usize] as usize;
+            seen[k as usize] = self.problem.exitance[site] + self.problem.albedo[site] * light;
+        }
     }
 
     /// The radiosity at a hit that is near, if its site cannot be trusted to speak for it.

@@ -3,6 +3,7 @@
 use smallvec::SmallVec;
 
 use super::{Direct, DirectParams, LampLink, Query};
+use crate::geometry::SurfacePoint;
 use crate::light::{Rgb, mean_channel};
 use crate::links::lamps::Lamp;
 use crate::links::lamps::light::{Share, Shares, weight};

@@ -179,7 +179,9 @@ impl Renderer<'_> {
         for _ in 0..THROUGH_LIMIT {
             let hit = self.bvh.closest(&ray)?;
             let back = self.scene.normal(hit.triangle).dot(ray.direction) > 0.0;
-            if !(self.see_through && back) {
+            // A proxy may stand out from the surface.
+            let gone = self.bvh.near().is_some() && self.bvh.surface(&ray).is_none();
+            if !(self.see_through && back || gone) {
                 return Some(hit);
             }
             ray.t_min = hit.distance;
