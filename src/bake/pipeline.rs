@@ -105,7 +105,7 @@ impl Stand {
             return self;
         }
         let near = Arc::new(detail::near(&self.scene, &details));
-        Self { bvh: self.bvh.with_near(near), details, ..self }
+        Self { bvh: self.bvh.with_near(Some(near)), details, ..self }
     }
 }
 
@@ -260,19 +260,11 @@ fn build_kept(
     let stage = Stage::start(monitor, "sites", "sites", None);
     let layout = lay(grounds, plan, (&placement, shadows), ledger)?;
     stage.advance(layout.sites.len() as u64)?;
-    if plan.operator == Operator::Dense && layout.sites.len() > MOST_SITES {
-        let sites = layout.sites.len();
-        let problem = format!("--operator dense is for at most {MOST_SITES} sites, here are {sites}");
-        return Err(Error::Usage(format!("{problem}: raise --error, or leave the operator to rows")));
-    }
     report.rays += layout.rays;
     report.stages.push(stage.finish());
 
     // Receivers lie on the surface itself, and so does all that is asked from here on.
-    let bvh = match near {
-        Some(near) => bvh.with_near(near),
-        None => bvh,
-    };
+    let bvh = bvh.with_near(near);
     let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
     let stage = Stage::start(monitor, "links", "sites", Some(layout.sites.len() as u64));
     let placement = placement.set_down((&scene, &bvh), &plan.receivers.rows, ledger)?;
@@ -353,7 +345,13 @@ fn lay(
     };
     // Where surfaces are nearest most sites are: those get what they want, not up to twice as many.
     let sites = SiteParams { met: smallest * plan.site_spacing, ..plan.sites };
-    Layout::new(grounds, plan, (&sites, &placement.places), spacing, ledger)
+    let layout = Layout::new(grounds, plan, (&sites, &placement.places), spacing, ledger)?;
+    if plan.operator == Operator::Dense && layout.sites.len() > MOST_SITES {
+        let sites = layout.sites.len();
+        let problem = format!("--operator dense is for at most {MOST_SITES} sites, here are {sites}");
+        return Err(Error::Usage(format!("{problem}: raise --error, or leave the operator to rows")));
+    }
+    Ok(layout)
 }
 
 fn solve(

@@ -187,10 +187,10 @@ fn facing(normal: Vec3, ray: &Ray) -> Vec3 {
 }
 
 impl Bvh {
-    /// Puts full resolution before this hierarchy, which becomes the proxy.
+    /// Puts full resolution, if there is any, before this hierarchy, which becomes the proxy.
     #[must_use]
-    pub fn with_near(self, near: Arc<Near>) -> Self {
-        Self { near: Some(near), ..self }
+    pub fn with_near(self, near: Option<Arc<Near>>) -> Self {
+        Self { near, ..self }
     }
 
     /// This hierarchy alone, and what was before it.

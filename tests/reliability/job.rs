@@ -62,7 +62,7 @@ impl Ground {
         fs::write(&scene_path, SCENE).unwrap();
         fs::write(folder.path().join("corner.ply"), CORNER).unwrap();
         let scene = glowtree::scene::load(&scene_path).unwrap();
-        let digests = digests(&Inputs::of(&scene_path, &scene).unwrap(), &options(preview)).unwrap();
+        let digests = digests(&Inputs::of(&scene_path, &scene, &[]).unwrap(), &options(preview)).unwrap();
         let mut ground = Self { folder, files: BTreeMap::new(), blocks: 0, digests, preview };
         let job = ground.path("undisturbed");
         ground.blocks = ground.bake(&disk(), &job).unwrap().computed_blocks;

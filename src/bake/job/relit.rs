@@ -48,9 +48,7 @@ pub fn solve(
     let around = Surroundings { scene, bvh, sites: &sites, graph, cells };
     let (direct, rays) = look(around, (&samples, &lamps), &model.field.direct, ledger)?;
     model.direct = direct;
-    if let Some(near) = near {
-        model.bvh = model.bvh.with_near(near);
-    }
+    model.bvh = model.bvh.with_near(near);
     (model.lamps, model.sites) = (lamps, sites);
     report.rays += rays;
     stage.advance(model.sites.len() as u64)?;

@@ -126,7 +126,9 @@ pub fn digests_of(job: &Path) -> Result<Digests> {
 
 /// Whether all of a job's files are there, damaged or not.
 pub fn is_complete(job: &Path) -> bool {
-    FILES.iter().all(|(kind, _)| job.join(format!("{kind}.glow")).is_file())
+    let chunks =
+        || chunk_files(job).is_ok_and(|files| files.iter().all(|(_, name)| job.join(name).is_file()));
+    FILES.iter().all(|(kind, _)| job.join(format!("{kind}.glow")).is_file()) && chunks()
 }
 
 /// Whether a finished file made from the same is there.

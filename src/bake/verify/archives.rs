@@ -9,6 +9,7 @@ use super::sides::Sides;
 use super::{ARCHIVES, Damage, Report, file_name};
 use crate::archive::{Access, Archive, Block, Digest, Tag};
 use crate::bake::report::progress::{Monitor, Stage};
+use crate::bake::store;
 use crate::error::{Error, Result};
 
 /// An archive whose blocks were all looked at.
@@ -30,14 +31,24 @@ pub(super) fn open_all(job: &Path, report: &mut Report, monitor: &dyn Monitor) -
     for (kind, place) in ARCHIVES.iter().zip(&mut opened) {
         report.files += 1;
         report.examined_bytes += size(kind);
-        *place = open(job, kind, report, &stage)?;
+        *place = open(job, (file_name(kind), kind), report, &stage)?;
+    }
+    // A scene that cannot say what it refers to is found damaged by itself.
+    for (_, name) in store::chunk_files(job).unwrap_or_default() {
+        report.files += 1;
+        report.examined_bytes += std::fs::metadata(job.join(&name)).map_or(0, |meta| meta.len());
+        open(job, (name, "detail"), report, &stage)?;
     }
     stage.finish();
     Ok(opened)
 }
 
-fn open(job: &Path, kind: &str, report: &mut Report, stage: &Stage<'_>) -> Result<Option<Opened>> {
-    let name = file_name(kind);
+fn open(
+    job: &Path,
+    (name, kind): (String, &str),
+    report: &mut Report,
+    stage: &Stage<'_>,
+) -> Result<Option<Opened>> {
     let archive = match Archive::open(job.join(&name)) {
         Ok(archive) => archive,
         Err(Error::Damaged { place, problem, .. }) => {

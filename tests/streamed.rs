@@ -1,0 +1,263 @@
+//! Meshes that stay in their files: the same light as in memory, the same bytes however often the bake was stopped, and
+//! damage that is told.
+
+mod command;
+mod shapes;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use command::{Place, code, stderr, stdout};
+use glowtree::archive::Digest;
+use glowtree::bake::{self, Monitor, Options, Signal};
+use glowtree::geometry::{SurfacePoint, hash};
+use glowtree::output::vertices::VertexField;
+use glowtree::scene;
+
+/// A bumpy ball of some 80,000 triangles over a floor that is held, under a sky and a lamp.
+struct Ball {
+    folder: tempfile::TempDir,
+}
+
+const SCENE: &str = r#"
+[[mesh]]
+file = "ball.ply"
+albedo = [0.7, 0.6, 0.5]
+
+[[mesh]]
+file = "floor.ply"
+albedo = [0.5, 0.5, 0.5]
+
+[[lamp]]
+kind = "sun"
+direction = [0.3, -1, 0.2]
+irradiance = [1, 1, 0.9]
+
+[sky]
+radiance = [1, 1, 1]
+"#;
+
+const RINGS: u32 = 200;
+
+impl Ball {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        std::fs::write(folder.path().join("scene.toml"), SCENE).expect("writing the scene");
+        std::fs::write(folder.path().join("ball.ply"), ball()).expect("writing the ball");
+        let floor = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+            element face 2\nproperty list uchar int vertex_indices\nend_header\n\
+            -2 -1.2 -2\n-2 -1.2 2\n2 -1.2 2\n2 -1.2 -2\n3 0 1 2\n3 0 2 3\n";
+        std::fs::write(folder.path().join("floor.ply"), floor).expect("writing the floor");
+        Self { folder }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn bake(&self, job: &str, options: &Options) -> bake::Summary {
+        bake::run(&self.path("scene.toml"), &self.path(job), options, &bake::Silent).expect(job)
+    }
+}
+
+/// Rings of quads, halved; waves of two lengths along the radius.
+fn ball() -> String {
+    let columns = RINGS;
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        (RINGS + 1) * columns,
+        2 * RINGS * columns
+    );
+    for i in 0..=RINGS {
+        for j in 0..columns {
+            let (a, b) = (
+                std::f64::consts::PI * f64::from(i) / f64::from(RINGS),
+                std::f64::consts::TAU * f64::from(j) / f64::from(columns),
+            );
+            let r =
+                1.0 + 0.03 * (9.0 * a).sin() * (8.0 * b).cos() + 0.004 * (40.0 * a).sin() * (44.0 * b).sin();
+            let at = [a.sin() * b.cos(), a.cos(), a.sin() * b.sin()].map(|v| v * r);
+            let _ = writeln!(text, "{} {} {}", at[0], at[1], at[2]);
+        }
+    }
+    for i in 0..RINGS {
+        for j in 0..columns {
+            let next = (j + 1) % columns;
+            let [a, b, c, d] =
+                [i * columns + j, i * columns + next, (i + 1) * columns + next, (i + 1) * columns + j];
+            let _ = write!(text, "3 {a} {b} {c}\n3 {a} {c} {d}\n");
+        }
+    }
+    text
+}
+
+fn options(error: f64) -> Options {
+    Options { error, resident: Some(1000), ..Options::default() }
+}
+
+/// The column of a binary PLY's vertices that is called so.
+fn column(path: &Path, name: &str) -> Vec<f32> {
+    let bytes = std::fs::read(path).expect("reading the mesh");
+    let body = bytes.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
+    let header = String::from_utf8_lossy(&bytes[..body]).into_owned();
+    let (mut stride, mut at, mut count, mut of_vertex) = (0, None, 0, false);
+    for line in header.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["element", kind, rows] => {
+                of_vertex = kind == "vertex";
+                count = if of_vertex { rows.parse().expect("a count") } else { count };
+            }
+            ["property", kind, property] if of_vertex => {
+                at = if property == name { Some(stride) } else { at };
+                stride += if kind == "uchar" { 1 } else { 4 };
+            }
+            _ => {}
+        }
+    }
+    let at = body + at.expect("a column of that name");
+    let word = |row: usize| bytes[at + row * stride..][..4].try_into().expect("four bytes");
+    (0..count).map(|row| f32::from_le_bytes(word(row))).collect()
+}
+
+/// Names and digests of what a job is for.
+fn digests(job: &Path) -> Vec<(String, String)> {
+    let mut names: Vec<String> = std::fs::read_dir(job)
+        .expect("the job")
+        .filter_map(|entry| entry.ok()?.file_name().into_string().ok())
+        .filter(|name| name.ends_with(".glow") || name.ends_with(".ply") || name.ends_with(".png"))
+        .collect();
+    names.sort();
+    let digest = |name: String| {
+        let digest = Digest::of_file(job.join(&name)).expect("a digest");
+        (name, digest.to_string())
+    };
+    names.into_iter().map(digest).collect()
+}
+
+#[test]
+fn the_light_is_that_of_the_mesh_in_memory() {
+    let ball = Ball::new();
+    let error = 0.02;
+    let summary = ball.bake("streamed.glow", &options(error));
+    assert_eq!(
+        summary.triangles,
+        u64::from(2 * RINGS * RINGS - 2 * RINGS) + 2,
+        "the caps' triangles have no area"
+    );
+    assert_eq!(summary.vertices, u64::from((RINGS + 1) * RINGS) + 4);
+    // Own rows of 2,048 rays on the mesh itself: noise below 0.2 %.
+    let whole = scene::load(&ball.path("scene.toml")).expect("the scene");
+    let held = Options { error: 0.005, preview: false, ..Options::default() };
+    ball.bake("held.glow", &held);
+    let held = bake::open(&ball.path("held.glow")).expect("the job");
+    let nothing = |points: &[SurfacePoint]| vec![Default::default(); points.len()];
+    let normals = VertexField::new(&whole, &nothing).normals().to_vec();
+    let channels =
+        ["r", "g", "b"].map(|c| column(&ball.path("streamed.glow/mesh.ply"), &format!("irradiance_{c}")));
+    assert_eq!(channels[0].len(), ((RINGS + 1) * RINGS) as usize);
+    let chosen: Vec<usize> = (0..3000)
+        .map(|i| (f64::from(hash::unit(5, i)) * channels[0].len() as f64) as usize)
+        // The poles are fans of slivers around one point.
+        .filter(|v| (2 * RINGS as usize..(RINGS as usize - 1) * RINGS as usize).contains(v))
+        .collect();
+    let points: Vec<SurfacePoint> =
+        chosen.iter().map(|&v| SurfacePoint { position: whole.vertices[v], normal: normals[v] }).collect();
+    let (mut square, mut mean) = (0.0, 0.0);
+    for (&v, light) in chosen.iter().zip(held.evaluate(&points)) {
+        for (k, channel) in channels.iter().enumerate() {
+            square += f64::from(channel[v] - light.total()[k]).powi(2);
+            mean += f64::from(light.total()[k]);
+        }
+    }
+    let n = 3.0 * chosen.len() as f64;
+    let rms = (square / n).sqrt() / (mean / n);
+    // The judge of the held job errs by up to 0.5 % itself.
+    assert!(rms < error.hypot(0.005), "{:.2} % from the mesh in memory at a target of 2 %", 100.0 * rms);
+    assert!(rms > 1e-6, "two bakes of different kinds do not agree to the last bit");
+}
+
+/// Asks to stop at the n-th time that it is asked.
+struct StopAt(AtomicU64);
+
+impl Monitor for StopAt {
+    fn interrupted(&self) -> Option<Signal> {
+        let left = self.0.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1));
+        left.is_err().then_some(Signal::Terminate)
+    }
+}
+
+#[test]
+fn stopped_again_and_again_it_ends_with_the_same_bytes() {
+    let ball = Ball::new();
+    let options = options(0.1);
+    ball.bake("whole.glow", &options);
+    let job = ball.path("job.glow");
+    let mut stops = 0;
+    loop {
+        let monitor = StopAt(AtomicU64::new(6 + 5 * stops));
+        match bake::run(&ball.path("scene.toml"), &job, &options, &monitor) {
+            Ok(_) => break,
+            Err(error) => assert_eq!(error.exit_code(), 143, "{error}"),
+        }
+        stops += 1;
+        assert!(stops < 300, "it does not get on");
+    }
+    assert!(stops > 4, "{stops} stops are too few to tell");
+    assert_eq!(digests(&job), digests(&ball.path("whole.glow")), "after {stops} stops");
+    assert!(!job.join("work").exists() && !job.join("scratch").exists());
+    // Nothing is left to do, and nothing is done.
+    let again = ball.bake("job.glow", &options);
+    assert_eq!(again.computed_blocks, 0);
+}
+
+#[test]
+fn other_lights_keep_the_chunks_and_another_mesh_is_refused() {
+    let ball = Ball::new();
+    let options = options(0.1);
+    ball.bake("job.glow", &options);
+    let detail = |ball: &Ball| {
+        let mut found = digests(&ball.path("job.glow"));
+        found.retain(|(name, _)| name.starts_with("detail-"));
+        found
+    };
+    let before = detail(&ball);
+    assert_eq!(before.len(), 1);
+    let light = |ball: &Ball| column(&ball.path("job.glow/mesh.ply"), "irradiance_r");
+    let dim = light(&ball);
+    std::fs::write(ball.path("scene.toml"), SCENE.replace("radiance = [1, 1, 1]", "radiance = [2, 2, 2]"))
+        .expect("another sky");
+    ball.bake("job.glow", &options);
+    assert_eq!(detail(&ball), before);
+    let sum = |light: &[f32]| light.iter().map(|v| f64::from(*v)).sum::<f64>();
+    // The sun stays: less than double, but much more than before.
+    let ratio = sum(&light(&ball)) / sum(&dim);
+    assert!((1.5..2.0).contains(&ratio), "{ratio}");
+    let mesh = std::fs::read_to_string(ball.path("ball.ply")).expect("the ball");
+    std::fs::write(ball.path("ball.ply"), mesh.replacen("-0", "-0.01", 3)).expect("another ball");
+    let refused = bake::run(&ball.path("scene.toml"), &ball.path("job.glow"), &options, &bake::Silent);
+    assert_eq!(refused.expect_err("another mesh").exit_code(), 3);
+}
+
+#[test]
+fn damaged_chunks_are_named_and_nothing_wrong_is_answered() {
+    let place = Place::new();
+    let ball = Ball::new();
+    ball.bake("job.glow", &options(0.1));
+    let job = ball.path("job.glow");
+    let (name, _) = digests(&job).into_iter().find(|(name, _)| name.starts_with("detail-")).expect("chunks");
+    let mut bytes = std::fs::read(job.join(&name)).expect("the chunks");
+    // In the middle of the first chunk's branches or packets, which take most of it.
+    let at = bytes.len() / 5;
+    bytes[at] ^= 0x10;
+    std::fs::write(job.join(&name), &bytes).expect("damaging");
+    let words = job.to_string_lossy().into_owned();
+    let verified = place.run(&["verify", &words]);
+    assert_eq!(code(&verified), 9);
+    assert!(stderr(&verified).contains(&name) || stdout(&verified).contains(&name), "{}", stderr(&verified));
+    let out = place.path("out.ply");
+    let exported = place.run(&["export", &words, "-o", &out.to_string_lossy()]);
+    assert_eq!((code(&exported), out.exists()), (9, false), "{}", stderr(&exported));
+}
