@@ -68,9 +68,13 @@ def run(command):
 def bake(program, scene, job, options=()):
     """Bakes without pictures; returns the summary and the cost."""
     done = run([program, "bake", scene, "-o", job, "--json", "--progress", "none", "--no-preview", *options])
-    lines = [json.loads(line) for line in done.text.splitlines() if line.strip()]
-    summary = next(line for line in reversed(lines) if line.get("type") == "summary")
-    return summary, done
+    return last_summary(done.text), done
+
+
+def last_summary(text):
+    """The summary among the JSON lines of a run."""
+    lines = [json.loads(line) for line in text.splitlines() if line.strip()]
+    return next(line for line in reversed(lines) if line.get("type") == "summary")
 
 
 def probe(program, job, points, out):

@@ -62,14 +62,15 @@ impl Surface<'_> {
     fn mixed<const N: usize>(&self, weights: [(u32, f64); N]) -> DVec3 {
         let base = self.base;
         let flat = weights.iter().fold(DVec3::ZERO, |sum, &(v, w)| sum + base.vertices[v as usize] * w);
-        let (mut pull, mut normal) = (DVec3::ZERO, DVec3::ZERO);
+        let (mut pull, mut normal, mut calm) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (v, weight) in weights {
             let towards = base.normals[v as usize];
             normal += towards * weight;
+            calm += base.calm[v as usize] * weight;
             pull += towards * (weight * (flat - base.vertices[v as usize]).dot(towards));
         }
         let rounded = if N == 1 { flat } else { flat - pull * ROUNDING };
-        rounded + unit(normal) * self.noise.at(rounded)
+        rounded + unit(normal) * (calm * self.noise.at(rounded))
     }
 }
 
