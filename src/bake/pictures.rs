@@ -66,6 +66,7 @@ pub fn write(
     let dense = !model.details.is_empty();
     let evaluate = |points: &[_]| if dense { quick.evaluate_crowd(points) } else { quick.evaluate(points) };
     let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
+    bvh.sound()?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
     Ok(vec![mesh, stage.finish()])
 }

@@ -62,6 +62,14 @@ impl Job {
         self.model.field().evaluate(points)
     }
 
+    /// Errors when chunks of a streamed mesh could not be read: answers given since are not to be used.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`](crate::Error::Damaged) with the chunk, [`Error::Io`](crate::Error::Io).
+    pub fn sound(&self) -> Result<()> {
+        self.model.bvh.sound()
+    }
+
     /// What the bake reported.
     pub fn summary(&self) -> &Summary {
         &self.summary

@@ -23,6 +23,7 @@ pub fn run(request: &Render, console: &Console) -> Result<()> {
     let evaluate = |points: &[_]| job.evaluate(points);
     let shot = (&view, Quality::FINE);
     let film = render(job.scene(), job.bvh(), &evaluate, shot, &|pixels| stage.advance(pixels))?;
+    job.sound()?;
     if request.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         let exposure = film.exposure();
         console.remark(&format!("exposure {exposure}"));

@@ -35,6 +35,7 @@ pub fn run(request: &Probe, console: &Console) -> Result<()> {
         }
         stage.advance(batch.len() as u64)?;
     }
+    job.sound()?;
     stage.finish();
     if afloat > 0 {
         console.warn(&format!(
