@@ -142,14 +142,10 @@ fn the_light_is_that_of_the_mesh_in_memory() {
     let ball = Ball::new();
     let error = 0.02;
     let summary = ball.bake("streamed.glow", &options(error));
-    assert_eq!(
-        summary.triangles,
-        u64::from(2 * RINGS * RINGS - 2 * RINGS) + 2,
-        "the caps' triangles have no area"
-    );
-    assert_eq!(summary.vertices, u64::from((RINGS + 1) * RINGS) + 4);
     // Own rows of 2,048 rays on the mesh itself: noise below 0.2 %.
     let whole = scene::load(&ball.path("scene.toml")).expect("the scene");
+    let counts = (whole.triangles.len() as u64, whole.vertices.len() as u64);
+    assert_eq!((summary.triangles, summary.vertices), counts, "what has no area is left out alike");
     let held = Options { error: 0.005, preview: false, ..Options::default() };
     ball.bake("held.glow", &held);
     let held = bake::open(&ball.path("held.glow")).expect("the job");
@@ -197,7 +193,7 @@ fn stopped_again_and_again_it_ends_with_the_same_bytes() {
     let job = ball.path("job.glow");
     let mut stops = 0;
     loop {
-        let monitor = StopAt(AtomicU64::new(6 + 5 * stops));
+        let monitor = StopAt(AtomicU64::new(20 + 40 * stops));
         match bake::run(&ball.path("scene.toml"), &job, &options, &monitor) {
             Ok(_) => break,
             Err(error) => assert_eq!(error.exit_code(), 143, "{error}"),

@@ -6,6 +6,9 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
+/// What names of files that are not whole yet begin with.
+pub const TEMPORARY: &str = ".glowtree-";
+
 /// What `write` closures write to; counts bytes so that a full disk can say how many are missing.
 pub struct Sink {
     file: BufWriter<File>,
@@ -113,7 +116,7 @@ fn folder_of(path: &Path) -> &Path {
 /// A temporary file with the permissions that the user's umask gives to new files.
 fn temporary_in(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".glowtree-");
+    builder.prefix(TEMPORARY);
     #[cfg(unix)]
     {
         use std::os::unix::fs::PermissionsExt;

@@ -19,6 +19,7 @@ use crate::bake::report::summary::{SUMMARY_FILE, StageTime, Summary};
 use crate::bake::report::usage::Meter;
 use crate::bake::store::{self, Shelf};
 use crate::error::{Error, Result};
+use crate::output::file::TEMPORARY;
 use crate::scene::{self, Scene};
 
 /// Bakes a scene into a job directory, goes on where an earlier run was interrupted, or finds that nothing is left to do.
@@ -299,6 +300,7 @@ impl Bake<'_> {
     fn bake(&self, job: &Path, subject: Subject, old: Option<&Path>) -> Result<Summary> {
         let Subject { scene, details, inputs, mut stages } = subject;
         let digests = digests(&inputs, self.options)?;
+        sweep(job);
         self.record(job, &inputs)?;
         let pause = || {
             self.monitor.check()?;
@@ -378,6 +380,16 @@ impl Bake<'_> {
         }
         side::write(self.storage, &job.join(OPTIONS_FILE), self.options)?;
         side::write(self.storage, &job.join(INPUTS_FILE), inputs)
+    }
+}
+
+/// Removes files under temporary names that a killed run left: half a mesh may be large. The job is locked, so nobody writes
+/// them; what cannot be removed does no harm.
+fn sweep(job: &Path) {
+    for entry in fs::read_dir(job).into_iter().flatten().flatten() {
+        if entry.file_name().to_string_lossy().starts_with(TEMPORARY) {
+            let _ = fs::remove_file(entry.path());
+        }
     }
 }
 
