@@ -13,9 +13,8 @@ use crate::tree::Support;
 use crate::tree::index::SupportIndex;
 use rayon::prelude::*;
 
-/// The full surface next to a point of the proxy, along its normal; the point itself where there is no proxy. None where the
-/// full surface is not there.
-pub fn set_down(bvh: &Bvh, point: &SurfacePoint) -> Option<SurfacePoint> {
+/// As [`Surroundings::set_down`].
+fn set_down(bvh: &Bvh, point: &SurfacePoint) -> Option<SurfacePoint> {
     let Some(near) = bvh.near() else { return Some(*point) };
     let rise = near.apart();
     let origin = point.position + point.normal * rise;
@@ -25,7 +24,8 @@ pub fn set_down(bvh: &Bvh, point: &SurfacePoint) -> Option<SurfacePoint> {
 }
 
 impl Surroundings<'_> {
-    /// As [`set_down`].
+    /// The full surface next to a point of the proxy, along its normal; the point itself where there is no proxy. None where
+    /// the full surface is not there.
     pub fn set_down(&self, point: &SurfacePoint) -> Option<SurfacePoint> {
         set_down(self.bvh, point)
     }

@@ -67,8 +67,8 @@ struct Making {
 
 /// What is there of a mesh's chunks.
 enum Source {
-    Finished(Detail),
-    Cut(Stream, Shards),
+    Finished(Box<Detail>),
+    Cut(Box<(Stream, Shards)>),
 }
 
 impl Workshop<'_> {
@@ -84,8 +84,8 @@ impl Workshop<'_> {
         let mut makings = Vec::with_capacity(parts.len());
         for part in parts {
             let making = self.begin(&contents.parts[part], part, scene_path)?;
-            if let Source::Cut(_, shards) = &making.source {
-                stage.advance(shards.triangles())?;
+            if let Source::Cut(cut) = &making.source {
+                stage.advance(cut.1.triangles())?;
             }
             makings.push(making);
         }
@@ -112,8 +112,9 @@ impl Workshop<'_> {
         for Making { part, content, source, .. } in makings {
             let name = format!("detail-{:.16}.glow", content.to_string());
             let detail = match source {
-                Source::Finished(detail) => detail,
-                Source::Cut(stream, shards) => {
+                Source::Finished(detail) => *detail,
+                Source::Cut(cut) => {
+                    let (stream, shards) = *cut;
                     contents.warnings.extend(stream.warnings().iter().cloned());
                     contents.warnings.extend(shards.notes().warnings(&stream));
                     let frame = [placement.origin.x, placement.origin.y, placement.origin.z, placement.scale];
@@ -158,7 +159,7 @@ impl Workshop<'_> {
         ]);
         let path = self.job.join(format!("detail-{:.16}.glow", content.to_string()));
         let source = match Detail::open(&path, None) {
-            Ok(detail) if detail.archive().digests().inputs == content => Source::Finished(detail),
+            Ok(detail) if detail.archive().digests().inputs == content => Source::Finished(Box::new(detail)),
             _ => self.cut(part, &file)?,
         };
         Ok(Making { part: number, file, content, source })
@@ -170,7 +171,7 @@ impl Workshop<'_> {
         let stream = Stream::open(file, &scratch)?;
         let transform = part.streamed.unwrap_or_default().transform;
         let shards = Shards::make(&stream, &transform, &self.params, &scratch, self.pause)?;
-        Ok(Source::Cut(stream, shards))
+        Ok(Source::Cut(Box::new((stream, shards))))
     }
 }
 
@@ -178,7 +179,7 @@ impl Source {
     fn bounds(&self) -> [glam::DVec3; 2] {
         match self {
             Self::Finished(detail) => detail.world_bounds(),
-            Self::Cut(_, shards) => shards.bounds(),
+            Self::Cut(cut) => cut.1.bounds(),
         }
     }
 }
