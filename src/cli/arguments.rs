@@ -120,7 +120,7 @@ pub struct Bake {
     /// Anonymous memory to stay within, as 4GiB, 500MB or bytes
     #[arg(long, value_name = "SIZE", value_parser = values::bytes)]
     pub max_memory: Option<u64>,
-    /// Leave PLY meshes of more triangles than this in their files, as 500k or 2M [default: 2M]
+    /// Leave PLY meshes of more triangles than this in their files, as 200k or 2M [default: 500k]
     #[arg(long, value_name = "N", value_parser = values::count)]
     pub resident: Option<u64>,
     /// Follow light over at most N reflections [default: until converged]

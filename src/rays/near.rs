@@ -11,6 +11,7 @@ use std::fmt::Debug;
 use std::sync::Arc;
 
 use glam::Vec3;
+use rayon::prelude::*;
 use smallvec::SmallVec;
 
 use super::{Bvh, BvhView, Hit, LANES, NO_TRIANGLE, Ray};
@@ -78,6 +79,14 @@ impl Near {
     ) -> Self {
         let table = Table::new(&boxes, REACH_CELLS * cell);
         Self { chunks, boxes, resident, numbers, cell, table }
+    }
+
+    /// Reads all chunks once, so that those that are damaged are known and no ray waits for the checks.
+    pub fn touch(&self) {
+        (0..self.boxes.len()).into_par_iter().for_each(|chunk| {
+            // What cannot be read is remembered as a failure.
+            let _ = self.chunks.view(chunk);
+        });
     }
 
     /// Edge of the proxy's cells, local units.

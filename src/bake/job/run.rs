@@ -359,8 +359,14 @@ impl Bake<'_> {
         self.budget.ask("the ray engine", Stand::bytes(&scene))?;
         let (stand, built) = Stand::new(scene, self.monitor)?;
         stages.push(built);
-        let (model, _, report) =
-            pipeline::reach_kept(stand.with_details(details), &target, self.monitor, work)?;
+        let stand = stand.with_details(details);
+        if let Some(near) = stand.bvh.near() {
+            let stage = Stage::start(self.monitor, "check", "chunks", None);
+            near.touch();
+            stand.bvh.sound()?;
+            stages.push(stage.finish());
+        }
+        let (model, _, report) = pipeline::reach_kept(stand, &target, self.monitor, work)?;
         Ok((model, report))
     }
 
