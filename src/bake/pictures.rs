@@ -63,8 +63,14 @@ pub fn write(
     };
     let [width, height] = view.camera.size;
     let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
-    let dense = !model.details.is_empty();
-    let evaluate = |points: &[_]| if dense { quick.evaluate_crowd(points) } else { quick.evaluate(points) };
+    let evaluate = |points: &[SurfacePoint]| {
+        if model.details.is_empty() {
+            return quick.evaluate(points);
+        }
+        // What a camera's ray met is known to its rounding: rows begin on the surface itself.
+        let set: Vec<SurfacePoint> = points.iter().map(|point| model.around().footing(point).1).collect();
+        quick.evaluate_crowd(&set)
+    };
     let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
     bvh.sound()?;
     png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
