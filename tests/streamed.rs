@@ -233,8 +233,66 @@ fn other_lights_keep_the_chunks_and_another_mesh_is_refused() {
     assert!((1.5..2.0).contains(&ratio), "{ratio}");
     let mesh = std::fs::read_to_string(ball.path("ball.ply")).expect("the ball");
     std::fs::write(ball.path("ball.ply"), mesh.replacen("-0", "-0.01", 3)).expect("another ball");
-    let refused = bake::run(&ball.path("scene.toml"), &ball.path("job.glow"), &options, &bake::Silent);
-    assert_eq!(refused.expect_err("another mesh").exit_code(), 3);
+    let refused = || bake::run(&ball.path("scene.toml"), &ball.path("job.glow"), &options, &bake::Silent);
+    let error = refused().expect_err("another mesh");
+    assert_eq!(error.exit_code(), 3);
+    assert!(error.to_string().contains("ball.ply"), "{error}");
+    assert_eq!(detail(&ball), before, "it is refused before it is cut");
+    // So is another frame: the chunks of the finished job lie in the old one.
+    std::fs::write(ball.path("ball.ply"), mesh).expect("the ball as it was");
+    let floor = std::fs::read_to_string(ball.path("floor.ply")).expect("the floor");
+    std::fs::write(ball.path("floor.ply"), floor.replace("2 -1.2 2\n", "9 -1.2 2\n")).expect("a wider floor");
+    let error = refused().expect_err("another frame");
+    assert_eq!(error.exit_code(), 3);
+    assert!(error.to_string().contains("extent"), "{error}");
+    assert_eq!(detail(&ball), before);
+    assert!(!ball.path("job.glow/scratch").exists());
+    // Asked for, it is baked anew, and only chunks of the new frame stay.
+    ball.bake("job.glow", &Options { restart: true, ..options.clone() });
+    let after = detail(&ball);
+    assert_eq!(after.len(), 1);
+    assert_ne!(after, before);
+}
+
+#[test]
+fn two_places_of_one_file_are_two_meshes() {
+    let ball = Ball::new();
+    let placed = |name: &str, x: f64| {
+        format!(
+            "[[mesh]]\nfile = \"ball.ply\"\nname = \"{name}\"\ntransform = {{ translate = [{x}, 0, 0] }}\n"
+        )
+    };
+    let text = format!("{}{}[sky]\nradiance = [1, 1, 1]\n", placed("near", 0.0), placed("far", 5.0));
+    std::fs::write(ball.path("scene.toml"), text).expect("two balls");
+    ball.bake("job.glow", &Options { preview: false, ..options(0.1) });
+    let job = bake::open(&ball.path("job.glow")).expect("the job");
+    let boxes: Vec<[f64; 2]> =
+        job.model().details.iter().map(|(_, detail)| detail.world_bounds().map(|at| at.x)).collect();
+    assert_eq!(boxes.len(), 2);
+    for side in 0..2 {
+        // Exactly, but for the rounding of the sum.
+        assert!((boxes[1][side] - boxes[0][side] - 5.0).abs() < 1e-12, "{boxes:?}");
+    }
+    let chunks = |k: usize| job.model().details[k].1.points(0).expect("the first chunk")[0];
+    // The first chunk of each begins at the same vertex, five units apart.
+    let apart = f64::from((chunks(1) - chunks(0)).x) * job.scene().placement.scale;
+    assert!((apart - 5.0).abs() < 1e-5, "{apart}");
+}
+
+#[test]
+fn a_mesh_that_is_refused_leaves_nothing() {
+    let place = Place::new();
+    let ball = Ball::new();
+    let mesh = std::fs::read_to_string(ball.path("ball.ply")).expect("the ball");
+    let last = mesh.trim_end().rfind('\n').expect("lines") + 1;
+    std::fs::write(ball.path("ball.ply"), format!("{}3 0 1 999999\n", &mesh[..last])).expect("a bad face");
+    let [scene, job] = ["scene.toml", "job.glow"].map(|name| ball.path(name).to_string_lossy().into_owned());
+    let refused = place.run(&["bake", &scene, "-o", &job, "--resident", "1000"]);
+    assert_eq!(code(&refused), 4, "{}", stderr(&refused));
+    for word in ["ball.ply", "999999"] {
+        assert!(stderr(&refused).contains(word), "{word} in {}", stderr(&refused));
+    }
+    assert!(!ball.path("job.glow").exists());
 }
 
 #[test]

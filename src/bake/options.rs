@@ -24,6 +24,9 @@ pub struct Options {
     /// PLY meshes of more triangles than this stay in their files; 500,000 when `None`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub resident: Option<u64>,
+    /// Triangles of the proxy of a mesh that stays in its file, about; by the error target when `None`.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub proxy: Option<u64>,
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
@@ -50,6 +53,7 @@ impl Default for Options {
             basis: Basis::default(),
             operator: Operator::default(),
             resident: None,
+            proxy: None,
             max_memory_bytes: None,
             restart: false,
             preview: true,
@@ -71,12 +75,14 @@ impl Options {
     /// line; `None` when the stored job answers this request.
     pub fn difference(&self, stored: &Self) -> Option<String> {
         let bounces = |limit: Option<u32>| limit.map_or("none".to_owned(), |n| n.to_string());
+        let proxy = |wanted: Option<u64>| wanted.map_or("by --error".to_owned(), |n| n.to_string());
         let pairs = [
             ("--error", stored.error.to_string(), self.error.to_string()),
             ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
             ("--seed", stored.seed.to_string(), self.seed.to_string()),
             ("--basis", stored.basis.to_string(), self.basis.to_string()),
             ("--resident", stored.resident().to_string(), self.resident().to_string()),
+            ("--proxy", proxy(stored.proxy), proxy(self.proxy)),
             ("--operator", stored.operator.to_string(), self.operator.to_string()),
         ];
         let lines: Vec<String> = pairs

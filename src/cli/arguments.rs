@@ -123,6 +123,9 @@ pub struct Bake {
     /// Leave PLY meshes of more triangles than this in their files, as 200k or 2M [default: 500k]
     #[arg(long, value_name = "N", value_parser = values::count)]
     pub resident: Option<u64>,
+    /// Triangles of the proxies that stand in for meshes left in their files [default: by --error]
+    #[arg(long, value_name = "N", value_parser = values::count, hide = true)]
+    pub proxy: Option<u64>,
     /// Follow light over at most N reflections [default: until converged]
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,

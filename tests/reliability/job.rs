@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glowtree::archive::{Digests, Disk, Storage};
+use glowtree::bake::job::streams::Streamed;
 use glowtree::bake::job::{Inputs, digests};
 use glowtree::bake::{Options, Silent, Summary, run_in};
 
@@ -62,7 +63,9 @@ impl Ground {
         fs::write(&scene_path, SCENE).unwrap();
         fs::write(folder.path().join("corner.ply"), CORNER).unwrap();
         let scene = glowtree::scene::load(&scene_path).unwrap();
-        let digests = digests(&Inputs::of(&scene_path, &scene, &[]).unwrap(), &options(preview)).unwrap();
+        let digests =
+            digests(&Inputs::of(&scene_path, &scene, &Streamed::default()).unwrap(), &options(preview))
+                .unwrap();
         let mut ground = Self { folder, files: BTreeMap::new(), blocks: 0, digests, preview };
         let job = ground.path("undisturbed");
         ground.blocks = ground.bake(&disk(), &job).unwrap().computed_blocks;

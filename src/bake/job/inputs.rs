@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::streams::Streamed;
 use crate::archive::Digest;
 use crate::bake::store::record;
 use crate::error::Result;
@@ -36,22 +37,26 @@ pub enum Change {
 }
 
 impl Inputs {
-    /// Of a scene that was just read.
+    /// Of a scene that was just read, and of the meshes that proxies in it stand for.
     ///
     /// # Errors
     /// [`crate::Error::Io`] when a file cannot be read again.
-    pub fn of(scene_path: &Path, scene: &Scene, streamed: &[String]) -> Result<Self> {
+    pub fn of(scene_path: &Path, scene: &Scene, streamed: &Streamed) -> Result<Self> {
         let mut files = vec![scene_path.to_path_buf()];
         for mesh in &scene.meshes {
             if !files.contains(&mesh.file) {
                 files.push(mesh.file.clone());
             }
         }
-        let digested = |file: PathBuf| Digest::of_file(&file).map(|digest| (file, digest.to_string()));
+        let known = |file: &Path| streamed.files.iter().find(|(known, _)| known == file).map(|found| found.1);
+        let digested = |file: PathBuf| {
+            let digest = known(&file).map_or_else(|| Digest::of_file(&file), Ok)?;
+            Ok((file, digest.to_string()))
+        };
         Ok(Self {
             files: files.into_iter().map(digested).collect::<Result<_>>()?,
             geometry: geometry(scene).to_string(),
-            streamed: streamed.to_vec(),
+            streamed: streamed.names.clone(),
             light: record::light_digest(scene)?.to_string(),
         })
     }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::Serialize;
 
 use super::journal::{self, Work};
-use super::streams::{self, Details, Workshop};
+use super::streams::{self, Details, Streamed, Workshop};
 use super::{Budget, Change, INPUTS_FILE, Inputs, Lock, OPTIONS_FILE, REPLACED_FILE, relit, side};
 use crate::archive::{Digest, Digests, Disk, Ledger, Storage};
 use crate::bake::model::Model;
@@ -94,7 +94,7 @@ pub fn standing(job: &Path) -> Result<Option<String>> {
     if !inputs.streamed.is_empty() {
         return Ok(Some("a file is younger than the job; a bake tells whether it differs".to_owned()));
     }
-    let now = Inputs::of(scene_path, &scene::load(scene_path)?, &[])?;
+    let now = Inputs::of(scene_path, &scene::load(scene_path)?, &Streamed::default())?;
     Ok(match inputs.change(&now) {
         Change::Nothing => None,
         Change::Light(what) => {
@@ -161,7 +161,7 @@ impl Bake<'_> {
         made.map_err(|e| Error::io(job, "making the job directory", e))?;
         let mut lock = Lock::take(job, self.monitor)?;
         if self.options.restart && job.join(OPTIONS_FILE).exists() {
-            let subject = self.subject(job)?;
+            let subject = self.subject(job, None)?;
             let kept = self.kept_geometry(job, &subject.inputs).then_some(job);
             return self.replace(job, &mut lock, subject, kept);
         }
@@ -170,8 +170,8 @@ impl Bake<'_> {
         if let Some(difference) = stored.and_then(|stored| self.options.difference(&stored)) {
             return Err(differs(difference));
         }
-        let subject = self.subject(job)?;
         let before = side::read::<Inputs>(&job.join(INPUTS_FILE))?;
+        let subject = self.subject(job, before.as_ref())?;
         // Files that were lost are made again.
         let finished = job.join(SUMMARY_FILE).exists() && store::is_complete(job);
         match before.map_or(Change::Nothing, |before| before.change(&subject.inputs)) {
@@ -205,29 +205,29 @@ impl Bake<'_> {
             && (only_bounces && change == Change::Nothing || matches!(change, Change::Light(_)))
     }
 
-    /// Reads the scene; what is too large for memory is cut into chunks that go into the job's directory.
-    fn subject(&self, job: &Path) -> Result<Subject> {
+    /// Reads the scene; what is too large for memory is cut into chunks that go into the job's directory, unless the job was
+    /// begun with others.
+    fn subject(&self, job: &Path, before: Option<&Inputs>) -> Result<Subject> {
         let stage = Stage::start(self.monitor, "scene", "files", None);
         let contents = scene::draft(self.scene_path, self.options.resident())?;
         let pause = || {
             self.monitor.check()?;
             self.budget.check(self.meter)
         };
-        let mut stages = Vec::new();
-        let (scene, details, names) = if contents.parts.iter().any(|part| part.streamed.is_some()) {
-            let params = streams::cut_params(self.options.error);
+        let (scene, streamed) = if contents.parts.iter().any(|part| part.streamed.is_some()) {
+            let params = streams::cut_params(self.options.error, self.options.proxy);
             let (storage, monitor) = (self.storage, self.monitor);
-            let workshop = Workshop { storage, job, pause: &pause, monitor, params };
-            let made = workshop.stream(contents, self.scene_path)?;
-            stages = made.stages;
-            (made.scene, made.details, made.names)
+            let recorded = before.map(|before| before.streamed.as_slice());
+            let workshop = Workshop { storage, job, pause: &pause, monitor, params, recorded };
+            workshop.stream(contents, self.scene_path)?
         } else {
-            (contents.into_scene(self.scene_path)?, Details::new(), Vec::new())
+            (contents.into_scene(self.scene_path)?, Streamed::default())
         };
         for warning in &scene.warnings {
             self.monitor.warn(&format!("{}: {}", warning.file.display(), warning.message));
         }
-        let inputs = Inputs::of(self.scene_path, &scene, &names)?;
+        let inputs = Inputs::of(self.scene_path, &scene, &streamed)?;
+        let Streamed { details, mut stages, .. } = streamed;
         stage.advance(inputs.files.len() as u64)?;
         self.budget.check(self.meter)?;
         let read = stage.finish();
@@ -264,7 +264,7 @@ impl Bake<'_> {
             self.storage.remove_directory(&beside).map_err(failed("removing what it replaced"))?;
         }
         side::make_directory(self.storage, &beside).map_err(failed("making a directory beside it"))?;
-        streams::share(&subject.inputs.streamed, job, &beside)?;
+        streams::share(self.storage, &subject.inputs.streamed, job, &beside)?;
         let mut lock_beside = Lock::take(&beside, self.monitor)?;
         let summary = match self.answered(&beside, &subject.inputs)? {
             // An earlier run was ended just before the exchange.
@@ -301,6 +301,7 @@ impl Bake<'_> {
         let Subject { scene, details, inputs, mut stages } = subject;
         let digests = digests(&inputs, self.options)?;
         sweep(job);
+        streams::sweep(job, &inputs.streamed);
         self.record(job, &inputs)?;
         let pause = || {
             self.monitor.check()?;

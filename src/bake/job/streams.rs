@@ -1,7 +1,7 @@
 //! Meshes that stay in their files: cut into chunks that the job keeps, with proxies in the scene.
 //!
-//! An archive of chunks is named by what it was made from, so that a run that was ended goes on with it, one of the same
-//! mesh under other lights finds it, and one of a changed mesh lets it lie.
+//! An archive of chunks is named by what it was made from and by the frame that it lies in, so that a run that was ended goes
+//! on with it, one of the same mesh under other lights finds it, and a mesh or a frame that has changed gets another.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,21 +11,23 @@ use crate::bake::report::progress::{Monitor, Stage};
 use crate::bake::report::summary::StageTime;
 use crate::detail::{self, CutParams, Detail, Shards};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
-use crate::scene::assemble::{Contents, Part};
+use crate::output::file::TEMPORARY;
+use crate::scene::assemble::{Contents, Part, Streamed as Streaming};
 use crate::scene::ply::stream::Stream;
+use crate::scene::{Placement, Scene};
 
 /// Numbers of streamed meshes in the scene, each with its chunks.
 pub type Details = Vec<(usize, Arc<Detail>)>;
 
-/// A scene in which proxies stand for what is streamed.
+/// What proxies in a scene stand for.
+#[derive(Default)]
 pub struct Streamed {
-    /// The scene.
-    pub scene: Scene,
-    /// What the proxies stand for.
+    /// The chunks.
     pub details: Details,
-    /// Names of the archives in the job.
+    /// Names of their archives in the job.
     pub names: Vec<String>,
+    /// Digests of the files, which were read for them already.
+    pub files: Vec<(PathBuf, Digest)>,
     /// What it took.
     pub stages: Vec<StageTime>,
 }
@@ -36,11 +38,14 @@ const PROXY_TRIANGLES: f64 = 600_000.0;
 /// Where proxies' sizes end.
 const PROXY_RANGE: (f64, f64) = (200_000.0, 2_000_000.0);
 
-/// How a mesh is cut for an error target.
-pub fn cut_params(error: f64) -> CutParams {
-    let proxy = (PROXY_TRIANGLES * 0.03 / error).clamp(PROXY_RANGE.0, PROXY_RANGE.1);
-    CutParams { proxy_triangles: proxy as usize, ..CutParams::default() }
+/// How a mesh is cut for an error target, or to make a proxy of so many triangles.
+pub fn cut_params(error: f64, proxy: Option<u64>) -> CutParams {
+    let by_error = (PROXY_TRIANGLES * 0.03 / error).clamp(PROXY_RANGE.0, PROXY_RANGE.1);
+    CutParams { proxy_triangles: proxy.map_or(by_error as usize, |n| n as usize), ..CutParams::default() }
 }
+
+/// What names of archives of chunks begin with.
+pub const PREFIX: &str = "detail-";
 
 /// Where the chunks of a job are made, and who watches.
 pub struct Workshop<'a> {
@@ -54,19 +59,22 @@ pub struct Workshop<'a> {
     pub monitor: &'a dyn Monitor,
     /// How meshes are cut.
     pub params: CutParams,
+    /// Archives that the job was begun with, if it was: a scene that wants others is another job's.
+    pub recorded: Option<&'a [String]>,
 }
 
 /// A streamed mesh on its way.
 struct Making {
     /// Its part of the scene.
     part: usize,
-    file: PathBuf,
+    /// Digest of the file, its transform and how it is cut.
     content: Digest,
     source: Source,
 }
 
 /// What is there of a mesh's chunks.
 enum Source {
+    /// All, though perhaps in the frame of another scene.
     Finished(Box<Detail>),
     Cut(Box<(Stream, Shards)>),
 }
@@ -75,104 +83,170 @@ impl Workshop<'_> {
     /// Goes through the files that are too large for memory and makes the scene.
     ///
     /// # Errors
-    /// Those of reading the meshes, naming file and row; [`Error::DiskFull`], [`Error::Io`]; the pause's.
-    pub fn stream(&self, mut contents: Contents, scene_path: &Path) -> Result<Streamed> {
-        let mut stages = Vec::new();
+    /// Those of reading the meshes, naming file and row; [`Error::JobDiffers`] before anything is made when the job was begun
+    /// with other meshes; [`Error::DiskFull`], [`Error::Io`]; the pause's.
+    pub fn stream(&self, contents: Contents, scene_path: &Path) -> Result<(Scene, Streamed)> {
+        let made = self.make(contents, scene_path);
+        let scratch = self.scratch();
+        // What a file that is refused was cut into is of no use to anybody.
+        if matches!(made, Ok(_) | Err(Error::Input { .. })) && scratch.exists() {
+            let removed = self.storage.remove_directory(&scratch);
+            removed.map_err(|e| Error::io(scratch, "removing what chunks were made from", e))?;
+        }
+        made
+    }
+
+    fn make(&self, mut contents: Contents, scene_path: &Path) -> Result<(Scene, Streamed)> {
+        let mut streamed = Streamed::default();
         let stage = Stage::start(self.monitor, "cut", "triangles", None);
-        let parts: Vec<usize> =
-            (0..contents.parts.len()).filter(|&k| contents.parts[k].streamed.is_some()).collect();
-        let mut makings = Vec::with_capacity(parts.len());
-        for part in parts {
-            let making = self.begin(&contents.parts[part], part, scene_path)?;
+        let mut makings = Vec::new();
+        for (number, part) in contents.parts.iter_mut().enumerate() {
+            if let Some(Streaming { transform, .. }) = part.streamed {
+                let making = self.begin(part, number, scene_path, &mut streamed.files)?;
+                let bounds = making.source.bounds();
+                part.streamed = Some(Streaming { transform, bounds });
+                makings.push(making);
+            }
+        }
+        // Only now is known which frame the chunks are wanted in.
+        let placement = contents.placement(scene_path)?;
+        for making in &mut makings {
+            let name = name_in(making.content, &placement);
+            if self.recorded.is_some_and(|recorded| !recorded.contains(&name)) {
+                return Err(self.differs("another mesh gives the scene another extent".to_owned()));
+            }
+            if matches!(&making.source, Source::Finished(detail) if detail.placement() != placement) {
+                making.source = match Detail::open(&self.job.join(&name), None) {
+                    Ok(detail) => Source::Finished(Box::new(detail)),
+                    Err(_) => self.cut(&contents.parts[making.part], scene_path, making.content)?,
+                };
+            }
             if let Source::Cut(cut) = &making.source {
                 stage.advance(cut.1.triangles())?;
             }
-            makings.push(making);
+            streamed.names.push(name);
         }
-        let mut placement = None;
-        // Whether the chunks that are there lie in the scene's frame is known when all bounds are.
-        while placement.is_none() {
-            for making in &makings {
-                if let Some(streamed) = &mut contents.parts[making.part].streamed {
-                    streamed.bounds = making.source.bounds();
-                }
-            }
-            let wanted = contents.placement(scene_path)?;
-            for making in &mut makings {
-                if matches!(&making.source, Source::Finished(detail) if detail.placement() != wanted) {
-                    making.source = self.cut(&contents.parts[making.part], &making.file)?;
-                }
-            }
-            placement = Some(wanted);
-        }
-        stages.push(stage.finish());
-        let placement = placement.unwrap_or(contents.placement(scene_path)?);
+        streamed.stages.push(stage.finish());
         let stage = Stage::start(self.monitor, "chunks", "triangles", None);
-        let (mut details, mut names) = (Details::new(), Vec::new());
-        for Making { part, content, source, .. } in makings {
-            let name = format!("detail-{:.16}.glow", content.to_string());
-            let detail = match source {
+        for (making, name) in makings.into_iter().zip(&streamed.names) {
+            let part = making.part;
+            let detail = match making.source {
                 Source::Finished(detail) => *detail,
                 Source::Cut(cut) => {
-                    let (stream, shards) = *cut;
-                    contents.warnings.extend(stream.warnings().iter().cloned());
-                    contents.warnings.extend(shards.notes().warnings(&stream));
-                    let frame = [placement.origin.x, placement.origin.y, placement.origin.z, placement.scale];
-                    let options = Digest::of_bytes(bytemuck::cast_slice(&frame));
-                    let digests = Digests { inputs: content, options };
-                    let path = self.job.join(&name);
-                    let advance = |triangles| {
-                        // Who asks to stop is heard by the pause.
-                        let _ = stage.advance(triangles);
-                    };
-                    let made = (&stream, &shards, &placement);
-                    detail::write(self.storage, &path, digests, made, self.pause, advance)?;
-                    Detail::open(&path, Some(digests))?
+                    contents.warnings.extend(cut.0.warnings().iter().cloned());
+                    contents.warnings.extend(cut.1.notes().warnings(&cut.0));
+                    self.build(&cut, making.content, (&self.job.join(name), &placement), &stage)?
                 }
             };
             stand_in(&mut contents.parts[part], detail.proxy()?);
-            details.push((part, Arc::new(detail)));
-            names.push(name);
+            streamed.details.push((part, Arc::new(detail)));
         }
-        let scratch = self.scratch();
-        if scratch.exists() {
-            std::fs::remove_dir_all(&scratch).map_err(|e| Error::io(&scratch, "removing", e))?;
-        }
-        stages.push(stage.finish());
-        let scene = contents.into_scene(scene_path)?;
-        Ok(Streamed { scene, details, names, stages })
+        streamed.stages.push(stage.finish());
+        Ok((contents.into_scene(scene_path)?, streamed))
     }
 
     fn scratch(&self) -> PathBuf {
         self.job.join("scratch")
     }
 
-    fn begin(&self, part: &Part, number: usize, scene_path: &Path) -> Result<Making> {
-        let file =
-            if part.file.as_os_str().is_empty() { scene_path.to_path_buf() } else { part.file.clone() };
+    fn differs(&self, difference: String) -> Error {
+        Error::JobDiffers { job: self.job.into(), difference }
+    }
+
+    /// Finds what is there of a mesh's chunks, or cuts it.
+    fn begin(
+        &self,
+        part: &Part,
+        number: usize,
+        scene_path: &Path,
+        files: &mut Vec<(PathBuf, Digest)>,
+    ) -> Result<Making> {
+        let file = file_of(part, scene_path);
+        let digest = match files.iter().find(|(known, _)| known == file) {
+            Some((_, digest)) => *digest,
+            None => Digest::of_file(file)?,
+        };
         let transform = part.streamed.unwrap_or_default().transform.to_cols_array();
         let params = [self.params.chunk_triangles as u64, self.params.proxy_triangles as u64];
         let content = Digest::of_digests(&[
-            Digest::of_file(&file)?,
+            digest,
             Digest::of_bytes(bytemuck::cast_slice(&transform)),
             Digest::of_bytes(bytemuck::cast_slice(&params)),
         ]);
-        let path = self.job.join(format!("detail-{:.16}.glow", content.to_string()));
-        let source = match Detail::open(&path, None) {
-            Ok(detail) if detail.archive().digests().inputs == content => Source::Finished(Box::new(detail)),
-            _ => self.cut(part, &file)?,
+        let stem = stem(content);
+        if self.recorded.is_some_and(|recorded| !recorded.iter().any(|name| name.starts_with(&stem))) {
+            return Err(self.differs(format!("{} or its transform has changed", file.display())));
+        }
+        files.push((file.to_owned(), digest));
+        let source = match self.finished(content) {
+            Some(detail) => Source::Finished(Box::new(detail)),
+            None => self.cut(part, scene_path, content)?,
         };
-        Ok(Making { part: number, file, content, source })
+        Ok(Making { part: number, content, source })
     }
 
-    fn cut(&self, part: &Part, file: &Path) -> Result<Source> {
-        let scratch = self.scratch().join(Digest::of_bytes(file.as_os_str().as_encoded_bytes()).to_string());
+    /// Chunks of just this mesh, in whichever frame.
+    fn finished(&self, content: Digest) -> Option<Detail> {
+        let stem = stem(content);
+        let mut names: Vec<_> =
+            std::fs::read_dir(self.job).into_iter().flatten().flatten().map(|entry| entry.path()).collect();
+        names.sort();
+        let named = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.starts_with(&stem) && name.ends_with(SUFFIX)
+        };
+        let opened = names.iter().filter(|path| named(path)).filter_map(|path| Detail::open(path, None).ok());
+        opened.into_iter().find(|detail| detail.archive().digests().inputs == content)
+    }
+
+    fn cut(&self, part: &Part, scene_path: &Path, content: Digest) -> Result<Source> {
+        let scratch = self.scratch().join(content.to_string());
         std::fs::create_dir_all(&scratch).map_err(|e| Error::io(&scratch, "creating", e))?;
-        let stream = Stream::open(file, &scratch)?;
+        let stream = Stream::open(file_of(part, scene_path), &scratch)?;
         let transform = part.streamed.unwrap_or_default().transform;
         let shards = Shards::make(&stream, &transform, &self.params, &scratch, self.pause)?;
         Ok(Source::Cut(Box::new((stream, shards))))
     }
+
+    /// Makes the chunks of a mesh that was cut, or those that are missing.
+    fn build(
+        &self,
+        (stream, shards): &(Stream, Shards),
+        content: Digest,
+        (path, placement): (&Path, &Placement),
+        stage: &Stage<'_>,
+    ) -> Result<Detail> {
+        let digests = Digests { inputs: content, options: frame(placement) };
+        let advance = |triangles| {
+            // Who asks to stop is heard by the pause.
+            let _ = stage.advance(triangles);
+        };
+        detail::write(self.storage, path, digests, (stream, shards, placement), self.pause, advance)?;
+        Detail::open(path, Some(digests))
+    }
+}
+
+/// What names of archives of chunks end with.
+const SUFFIX: &str = ".glow";
+
+/// How names of archives of a mesh's chunks begin.
+fn stem(content: Digest) -> String {
+    format!("{PREFIX}{:.16}-", content.to_string())
+}
+
+/// The name of the archive of a mesh's chunks in a frame.
+fn name_in(content: Digest, placement: &Placement) -> String {
+    format!("{}{:.8}{SUFFIX}", stem(content), frame(placement).to_string())
+}
+
+fn frame(placement: &Placement) -> Digest {
+    let frame = [placement.origin.x, placement.origin.y, placement.origin.z, placement.scale];
+    Digest::of_bytes(bytemuck::cast_slice(&frame))
+}
+
+/// The file that a part was read from.
+fn file_of<'a>(part: &'a Part, scene_path: &'a Path) -> &'a Path {
+    if part.file.as_os_str().is_empty() { scene_path } else { &part.file }
 }
 
 impl Source {
@@ -192,17 +266,31 @@ fn stand_in(part: &mut Part, proxy: Part) {
 }
 
 /// Puts the archives of chunks that one job holds into another's directory: by a link where the system has them.
-pub fn share(names: &[String], from: &Path, to: &Path) -> Result<()> {
+///
+/// # Errors
+/// [`Error::Io`]; the place is then as it was.
+pub fn share(storage: &Arc<dyn Storage>, names: &[String], from: &Path, to: &Path) -> Result<()> {
     for name in names {
         let (there, here) = (from.join(name), to.join(name));
-        if here.exists() || there == here {
+        if here.exists() || there == here || std::fs::hard_link(&there, &here).is_ok() {
             continue;
         }
-        if std::fs::hard_link(&there, &here).is_err() {
-            std::fs::copy(&there, &here).map_err(|e| Error::io(&here, "copying the chunks", e))?;
-        }
+        let whole = to.join(format!("{TEMPORARY}{name}"));
+        let failed = |e| Error::io(&here, "copying the chunks", e);
+        std::fs::copy(&there, &whole).map_err(failed)?;
+        storage.rename(&whole, &here).map_err(failed)?;
     }
     Ok(())
+}
+
+/// Removes archives of chunks that a job has no use for, left by runs of other scenes; what cannot be removed does no harm.
+pub fn sweep(job: &Path, names: &[String]) {
+    for entry in std::fs::read_dir(job).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        if name.starts_with(PREFIX) && !names.contains(&name) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
 }
 
 /// Opens the chunks of a finished job.

@@ -24,6 +24,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         basis: request.basis,
         operator: request.operator,
         resident: request.resident,
+        proxy: request.proxy,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,

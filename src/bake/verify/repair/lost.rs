@@ -9,6 +9,7 @@ use serde::de::DeserializeOwned;
 
 use super::{Repaired, RepairedFile, readable};
 use crate::archive::{Archive, Digest, Disk, Storage};
+use crate::bake::job::streams::Streamed;
 use crate::bake::job::{INPUTS_FILE, Inputs, OPTIONS_FILE, options_digest, read_side, write_side};
 use crate::bake::options::Options;
 use crate::bake::store;
@@ -63,7 +64,9 @@ fn guesses(job: &Path) -> impl Iterator<Item = Inputs> {
     }
     scenes.sort();
     scenes.dedup();
-    scenes.into_iter().filter_map(|path| Inputs::of(&path, &scene::load(&path).ok()?, &[]).ok())
+    scenes
+        .into_iter()
+        .filter_map(|path| Inputs::of(&path, &scene::load(&path).ok()?, &Streamed::default()).ok())
 }
 
 fn write<T: Serialize>(job: &Path, name: &str, found: Option<T>, repaired: &mut Repaired) -> Result<()> {
