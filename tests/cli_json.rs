@@ -123,6 +123,10 @@ fn every_verb_speaks_the_schema() {
             assert_eq!(lines.iter().filter(told).count(), 1, "{name} {event}");
         }
     }
+    let foretold =
+        held(&place, &["bake", "scene.toml", "-o", "other", "--error", "20%", "--dry-run"], 0).pop();
+    assert_eq!(foretold.unwrap()["triangles"], 64);
+    assert!(!place.path("other").exists());
     held(&place, &["verify", "job"], 0);
     spoil(&place.path("job/links.glow"));
     held(&place, &["verify", "job"], 9);

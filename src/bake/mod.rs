@@ -1,5 +1,6 @@
 //! The job: everything from a scene file to a solved job directory, interruptible and resumable.
 
+pub mod forecast;
 pub mod job;
 pub mod laws;
 pub mod model;
@@ -13,6 +14,7 @@ pub mod verify;
 pub mod vertices;
 pub mod work;
 
+pub use forecast::{Forecast, forecast};
 pub use job::{Job, open, run, run_in};
 pub use options::Options;
 pub use report::progress::{Monitor, Signal, Silent, Stage};

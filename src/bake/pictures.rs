@@ -3,6 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use glam::Vec3;
+
 use super::job::{Job, WORK_FOLDER};
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
@@ -11,10 +13,11 @@ use super::vertices::{self, Workshop};
 use crate::archive::{Digests, Disk, Ledger, Storage, Tag};
 use crate::bake::model::Model;
 use crate::error::{Error, Result};
-use crate::geometry::SurfacePoint;
+use crate::geometry::{SurfacePoint, morton};
 use crate::light::Rgb;
-use crate::output::picture::{Quality, frame, png, render};
-use crate::output::ply;
+use crate::output::picture::{Film, Quality, View, frame, png, render};
+use crate::output::vertices::VertexField;
+use crate::output::{Advance, ply};
 use crate::solve::{Field, Irradiance};
 
 /// The lit mesh within the job.
@@ -47,22 +50,25 @@ pub fn write(
     model: &Model,
     (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
 ) -> Result<Vec<StageTime>> {
-    let (scene, bvh) = (&model.scene, &model.bvh);
-    let field = model.field();
-    let mut quick = field;
-    quick.params.doubt = field.params.doubt.max(PREVIEW_DOUBT);
-    (quick.params.rays, quick.params.most_rays, quick.params.noise) = (PREVIEW_RAYS, PREVIEW_RAYS, 0.0);
     let mesh = if model.details.is_empty() {
         held(job, model, (monitor, ledger))?
     } else {
         streamed(job, model, monitor)?
     };
-    let view = match scene.cameras.first() {
-        Some(camera) => crate::output::picture::View { camera: camera.clone(), see_through: false },
-        None => frame(scene, bvh, PREVIEW_SIZE),
-    };
+    let view = view_of(model);
     let [width, height] = view.camera.size;
     let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
+    let film = draw(model, &view, &|pixels| stage.advance(pixels))?;
+    model.bvh.sound()?;
+    png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
+    Ok(vec![mesh, stage.finish()])
+}
+
+/// The picture, with the light that the eye asks for.
+fn draw(model: &Model, view: &View, advance: &Advance<'_>) -> Result<Film> {
+    let mut quick = model.field();
+    quick.params.doubt = quick.params.doubt.max(PREVIEW_DOUBT);
+    (quick.params.rays, quick.params.most_rays, quick.params.noise) = (PREVIEW_RAYS, PREVIEW_RAYS, 0.0);
     let evaluate = |points: &[SurfacePoint]| {
         if model.details.is_empty() {
             return quick.evaluate(points);
@@ -71,10 +77,59 @@ pub fn write(
         let set: Vec<SurfacePoint> = points.iter().map(|point| model.around().footing(point).1).collect();
         quick.evaluate_crowd(&set)
     };
-    let film = render(scene, bvh, &evaluate, (&view, Quality::PREVIEW), &|pixels| stage.advance(pixels))?;
-    bvh.sound()?;
-    png::write(&job.join(PREVIEW_FILE), &film, film.exposure())?;
-    Ok(vec![mesh, stage.finish()])
+    render(&model.scene, &model.bvh, &evaluate, (view, Quality::PREVIEW), advance)
+}
+
+/// What the picture is taken from.
+fn view_of(model: &Model) -> View {
+    match model.scene.cameras.first() {
+        Some(camera) => View { camera: camera.clone(), see_through: false },
+        None => frame(&model.scene, &model.bvh, PREVIEW_SIZE),
+    }
+}
+
+/// Vertices of a sample, in runs that lie side by side as in the whole mesh.
+const SAMPLED: usize = 1 << 14;
+const SAMPLED_RUN: usize = 1 << 11;
+
+/// A sampled picture is this many times smaller along either edge.
+const SAMPLED_EDGE: u32 = 3;
+
+/// What a part of the mesh and of the picture takes, each with the share of the whole that it is. Writes nothing.
+///
+/// # Errors
+/// The monitor's; a camera without extent.
+pub fn sample(model: &Model, monitor: &dyn Monitor) -> Result<Vec<(StageTime, f64)>> {
+    let scene = &model.scene;
+    let stage = Stage::start(monitor, "mesh", "vertices", None);
+    let nothing = |points: &[SurfacePoint]| vec![Irradiance::default(); points.len()];
+    let field = VertexField::new(scene, &nothing);
+    let mut order: Vec<(u64, u32)> = (0..)
+        .zip(&scene.vertices)
+        .map(|(vertex, at)| (morton::code(*at, Vec3::splat(-0.5), 1.0 / 2048.0), vertex))
+        .collect();
+    order.sort_unstable();
+    let runs = order.chunks(SAMPLED_RUN);
+    let every = (order.len() / SAMPLED).max(1);
+    let mut count = 0;
+    for run in runs.step_by(every) {
+        let at = |&(_, v): &(u64, u32)| SurfacePoint {
+            position: scene.vertices[v as usize],
+            normal: field.normals()[v as usize],
+        };
+        let points: Vec<SurfacePoint> = run.iter().map(at).collect();
+        std::hint::black_box(model.field().evaluate(&points));
+        count += points.len();
+        stage.advance(points.len() as u64)?;
+    }
+    let mesh = (stage.finish(), count as f64 / order.len().max(1) as f64);
+    let mut view = view_of(model);
+    let whole = view.camera.size.map(f64::from);
+    view.camera.size = view.camera.size.map(|edge| (edge / SAMPLED_EDGE).max(1));
+    let part = view.camera.size.map(f64::from);
+    let stage = Stage::start(monitor, "preview", "pixels", None);
+    std::hint::black_box(draw(model, &view, &|pixels| stage.advance(pixels))?);
+    Ok(vec![mesh, (stage.finish(), part[0] * part[1] / (whole[0] * whole[1]))])
 }
 
 /// The mesh of a scene that is in memory.

@@ -61,7 +61,7 @@ pub struct Target {
 const ROUNDS: u32 = 3;
 
 /// The first plan aims this much below the target.
-const AIM: f64 = 0.9;
+pub(super) const AIM: f64 = 0.9;
 
 /// The estimate of a few hundred points is this uncertain: no plan is thrown away for less, but it is warned.
 const LENIENCE: f64 = 1.15;
@@ -229,10 +229,23 @@ pub fn build(
     monitor: &dyn Monitor,
 ) -> Result<(Model, PipelineReport)> {
     let (stand, built) = Stand::new(scene, monitor)?;
-    let pause = || monitor.check();
-    let (model, mut report) = build_kept(stand, plan, bounces, (monitor, &Ledger::idle(&pause)))?;
+    let (model, mut report) = once(stand, plan, bounces, monitor)?;
     report.stages.insert(0, built);
     Ok((model, report))
+}
+
+/// As [`build`], from a scene that is ready for rays.
+///
+/// # Errors
+/// As [`reach`].
+pub(super) fn once(
+    stand: Stand,
+    plan: &Plan,
+    bounces: Option<usize>,
+    monitor: &dyn Monitor,
+) -> Result<(Model, PipelineReport)> {
+    let pause = || monitor.check();
+    build_kept(stand, plan, bounces, (monitor, &Ledger::idle(&pause)))
 }
 
 /// As [`build`], with a ledger: blocks that it holds are not made again.

@@ -141,6 +141,9 @@ pub struct Bake {
     /// Bake anew; what the job directory holds is kept until the new job is complete
     #[arg(long)]
     pub restart: bool,
+    /// Say what the bake would take and whether disk and --max-memory allow it, and bake nothing
+    #[arg(long, conflicts_with = "restart")]
+    pub dry_run: bool,
     /// Write neither JOB/preview.png nor JOB/mesh.ply
     #[arg(long)]
     pub no_preview: bool,

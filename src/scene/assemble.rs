@@ -68,11 +68,23 @@ pub struct Streamed {
     pub transform: DAffine3,
     /// The world box of the corners of its triangles; whoever goes through the file fills it in.
     pub bounds: [DVec3; 2],
+    /// Vertices by the header.
+    pub vertices: u64,
+    /// Faces by the header.
+    pub faces: u64,
+    /// Bytes of the file.
+    pub file_bytes: u64,
 }
 
 impl Default for Streamed {
     fn default() -> Self {
-        Self { transform: DAffine3::IDENTITY, bounds: [DVec3::INFINITY, DVec3::NEG_INFINITY] }
+        Self {
+            transform: DAffine3::IDENTITY,
+            bounds: [DVec3::INFINITY, DVec3::NEG_INFINITY],
+            vertices: 0,
+            faces: 0,
+            file_bytes: 0,
+        }
     }
 }
 

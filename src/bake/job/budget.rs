@@ -38,7 +38,11 @@ impl Budget {
         }
     }
 
-    fn refuse_above(&self, stage: &str, needed_bytes: u64) -> Result<()> {
+    /// Errors when so many bytes are more than the budget.
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub fn refuse_above(&self, stage: &str, needed_bytes: u64) -> Result<()> {
         match self.limit_bytes {
             Some(budget_bytes) if needed_bytes > budget_bytes => {
                 Err(Error::Memory { stage: stage.into(), needed_bytes, budget_bytes })

@@ -12,7 +12,7 @@ use crate::bake::report::summary::StageTime;
 use crate::detail::{self, CutParams, Detail, Shards};
 use crate::error::{Error, Result};
 use crate::output::file::TEMPORARY;
-use crate::scene::assemble::{Contents, Part, Streamed as Streaming};
+use crate::scene::assemble::{Contents, Part};
 use crate::scene::ply::stream::Stream;
 use crate::scene::{Placement, Scene};
 
@@ -101,12 +101,14 @@ impl Workshop<'_> {
         let stage = Stage::start(self.monitor, "cut", "triangles", None);
         let mut makings = Vec::new();
         for (number, part) in contents.parts.iter_mut().enumerate() {
-            if let Some(Streaming { transform, .. }) = part.streamed {
-                let making = self.begin(part, number, scene_path, &mut streamed.files)?;
-                let bounds = making.source.bounds();
-                part.streamed = Some(Streaming { transform, bounds });
-                makings.push(making);
+            if part.streamed.is_none() {
+                continue;
             }
+            let making = self.begin(part, number, scene_path, &mut streamed.files)?;
+            if let Some(left) = &mut part.streamed {
+                left.bounds = making.source.bounds();
+            }
+            makings.push(making);
         }
         // Only now is known which frame the chunks are wanted in.
         let placement = contents.placement(scene_path)?;

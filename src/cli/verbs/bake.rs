@@ -29,6 +29,9 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         restart: request.restart,
         preview: !request.no_preview,
     };
+    if request.dry_run {
+        return foretell((&request.scene, &job), &options, console);
+    }
     let summary = bake::run(&request.scene, &job, &options, console)?;
     let report = if summary.computed_blocks == 0 && summary.resumed_blocks > 0 {
         format!("{}: nothing left to do\n", job.display())
@@ -50,6 +53,41 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
     } else {
         Err(Error::NotConverged { iterations: summary.iterations as usize, residual: summary.residual })
     }
+}
+
+/// Says what the bake would take; refuses like the bake itself would, but early.
+fn foretell((scene, job): (&Path, &Path), options: &Options, console: &Console) -> Result<()> {
+    let forecast = bake::forecast(scene, job, options, console)?;
+    let mut text = format!(
+        "{}: about {} ({} of CPU), {} of memory, {} on disk ({} free); {} triangles\n",
+        job.display(),
+        show_seconds(forecast.seconds),
+        show_seconds(forecast.cpu_seconds),
+        show_bytes(forecast.peak_anonymous_bytes),
+        show_bytes(forecast.disk_bytes),
+        show_bytes(forecast.free_bytes),
+        forecast.triangles,
+    );
+    for stage in &forecast.stages {
+        let figures = [
+            show_seconds(stage.seconds),
+            show_bytes(stage.peak_anonymous_bytes),
+            show_bytes(stage.disk_bytes),
+        ];
+        let [seconds, memory, disk] = figures;
+        text += &format!("  {:<12} {seconds:>10} {memory:>12} of memory {disk:>12} on disk\n", stage.name);
+    }
+    forecast.check(job, options.max_memory_bytes)?;
+    console.result(&text)?;
+    console.summary("bake", Foretold { dry_run: true, forecast: &forecast })
+}
+
+/// A forecast, told from the summary of a bake.
+#[derive(serde::Serialize)]
+struct Foretold<'a> {
+    dry_run: bool,
+    #[serde(flatten)]
+    forecast: &'a bake::Forecast,
 }
 
 /// `<scene>.glow` in the working directory.

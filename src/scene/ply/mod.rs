@@ -78,13 +78,14 @@ pub fn left(path: &Path, resident: u64) -> Result<Option<Contents>> {
     let Ok(file_bytes) = file.metadata().map(|meta| meta.len()) else { return Ok(None) };
     let header = read_header(path, &mut file)?;
     let faces = |e: &&header::Element| matches!(e.name.as_str(), "face" | "faces") && e.count > resident;
-    if header.elements.iter().find(faces).is_none() {
+    let Some(faces) = header.elements.iter().find(faces).map(|element| element.count) else {
         return Ok(None);
-    }
+    };
     header.check_counts(path, file_bytes)?;
-    let vertex = header.elements.iter().find(|e| e.name == "vertex").map(columns::Columns::of);
-    let coloured = vertex.is_some_and(|columns| columns.has(columns::COLOUR));
-    let streamed = Some(Streamed::default());
+    let vertex = header.elements.iter().find(|e| e.name == "vertex");
+    let coloured = vertex.map(columns::Columns::of).is_some_and(|columns| columns.has(columns::COLOUR));
+    let vertices = vertex.map_or(0, |element| element.count);
+    let streamed = Some(Streamed { vertices, faces, file_bytes, ..Streamed::default() });
     let part = Part { streamed, colours: coloured.then(Vec::new), ..Part::default() };
     let warnings = header_warnings(path, &header);
     Ok(Some(Contents { parts: vec![part], warnings, ..Contents::default() }))
