@@ -77,10 +77,11 @@ impl Forecast {
     /// [`Error::DiskFull`] with what is missing, [`Error::Memory`].
     pub fn check(&self, job: &Path, max_memory_bytes: Option<u64>) -> Result<()> {
         Budget::new(max_memory_bytes).refuse_above("the bake", self.peak_anonymous_bytes)?;
-        if self.free_bytes > 0 && self.disk_bytes > self.free_bytes {
+        let wanted = self.disk_bytes + self.passing_bytes;
+        if self.free_bytes > 0 && wanted > self.free_bytes {
             return Err(Error::DiskFull {
                 file: job.into(),
-                needed_bytes: self.disk_bytes - self.free_bytes,
+                needed_bytes: wanted - self.free_bytes,
             });
         }
         Ok(())
