@@ -6,6 +6,7 @@
 pub mod exposure;
 pub mod file;
 pub mod footing;
+pub mod glb;
 pub mod normals;
 pub mod picture;
 pub mod ply;

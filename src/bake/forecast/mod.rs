@@ -79,10 +79,7 @@ impl Forecast {
         Budget::new(max_memory_bytes).refuse_above("the bake", self.peak_anonymous_bytes)?;
         let wanted = self.disk_bytes + self.passing_bytes;
         if self.free_bytes > 0 && wanted > self.free_bytes {
-            return Err(Error::DiskFull {
-                file: job.into(),
-                needed_bytes: wanted - self.free_bytes,
-            });
+            return Err(Error::DiskFull { file: job.into(), needed_bytes: wanted - self.free_bytes });
         }
         Ok(())
     }
