@@ -219,14 +219,19 @@ fn other_lights_keep_the_chunks_and_another_mesh_is_refused() {
         found.retain(|(name, _)| name.starts_with("detail-"));
         found
     };
+    // A link keeps the time of the writing.
+    let written =
+        |name: &str| ball.path("job.glow").join(name).metadata().expect("chunks").modified().expect("a time");
     let before = detail(&ball);
     assert_eq!(before.len(), 1);
+    let first_written = written(&before[0].0);
     let light = |ball: &Ball| column(&ball.path("job.glow/mesh.ply"), "irradiance_r");
     let dim = light(&ball);
     std::fs::write(ball.path("scene.toml"), SCENE.replace("radiance = [1, 1, 1]", "radiance = [2, 2, 2]"))
         .expect("another sky");
     ball.bake("job.glow", &options);
     assert_eq!(detail(&ball), before);
+    assert_eq!(written(&before[0].0), first_written, "the chunks were made again");
     let sum = |light: &[f32]| light.iter().map(|v| f64::from(*v)).sum::<f64>();
     // The sun stays: less than double, but much more than before.
     let ratio = sum(&light(&ball)) / sum(&dim);
@@ -314,4 +319,53 @@ fn damaged_chunks_are_named_and_nothing_wrong_is_answered() {
     let out = place.path("out.ply");
     let exported = place.run(&["export", &words, "-o", &out.to_string_lossy()]);
     assert_eq!((code(&exported), out.exists()), (9, false), "{}", stderr(&exported));
+}
+
+#[test]
+fn damaged_and_lost_chunks_are_cut_again_to_the_same_bytes() {
+    let place = Place::new();
+    let ball = Ball::new();
+    ball.bake("job.glow", &options(0.1));
+    let job = ball.path("job.glow");
+    let before = digests(&job);
+    let (name, _) = before.iter().find(|(name, _)| name.starts_with("detail-")).expect("chunks");
+    let file = job.join(name);
+    let whole = std::fs::read(&file).expect("the chunks");
+    let words = job.to_string_lossy().into_owned();
+    let verified = place.run(&["verify", &words]);
+    assert_eq!(code(&verified), 0, "an undisturbed job: {}{}", stdout(&verified), stderr(&verified));
+    let repair = || place.run(&["verify", &words, "--repair"]);
+    let flipped = |at: usize| {
+        let mut bytes = whole.clone();
+        bytes[at] ^= 0x10;
+        bytes
+    };
+    let damages: [&dyn Fn(); 4] = [
+        &|| std::fs::write(&file, flipped(whole.len() / 5)).expect("a flipped bit"),
+        // The trailer: the file does not open.
+        &|| std::fs::write(&file, flipped(whole.len() - 40)).expect("a flipped bit"),
+        &|| std::fs::write(&file, &whole[..whole.len() / 2]).expect("half of it"),
+        &|| std::fs::remove_file(&file).expect("nothing of it"),
+    ];
+    for (number, damage) in damages.iter().enumerate() {
+        damage();
+        assert_ne!(digests(&job), before, "damage {number}");
+        let repaired = repair();
+        assert_eq!(code(&repaired), 0, "damage {number}: {}", stderr(&repaired));
+        assert_eq!(digests(&job), before, "damage {number}");
+        assert_eq!(code(&place.run(&["verify", &words])), 0, "damage {number}");
+    }
+    let leftover = std::fs::read_dir(job.parent().expect("a folder")).expect("the folder");
+    let temporary = |entry: std::io::Result<std::fs::DirEntry>| {
+        entry.is_ok_and(|entry| entry.file_name().to_string_lossy().starts_with(".glowtree"))
+    };
+    assert!(!leftover.into_iter().any(temporary), "a temporary folder was left");
+    // Chunks of another mesh are not taken, and the damaged ones stay as they are.
+    damages[0]();
+    let mesh = std::fs::read_to_string(ball.path("ball.ply")).expect("the ball");
+    std::fs::write(ball.path("ball.ply"), mesh.replacen("-0", "-0.01", 3)).expect("another ball");
+    let refused = repair();
+    assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("ball.ply has changed"), "{}", stderr(&refused));
+    assert_eq!(std::fs::read(&file).expect("the chunks"), flipped(whole.len() / 5));
 }

@@ -5,38 +5,7 @@ import tempfile
 
 import judge
 import ply_table
-from scene_mesh import Mesh, length, sub
-
-SCENE = """# {about}
-
-[[mesh]]
-file = "grown.ply"
-albedo = [0.7, 0.7, 0.7]
-sides = 2
-
-[[mesh]]
-file = "ground.ply"
-albedo = [0.5, 0.5, 0.5]
-sides = 2
-
-[[mesh]]
-file = "light.ply"
-albedo = [0.0, 0.0, 0.0]
-radiance = [40.0, 36.0, 30.0]
-sides = 1
-
-[sky]
-radiance = [1.0, 1.0, 1.0]
-up = "{up}"
-
-[[camera]]
-name = "front"
-eye = {eye}
-target = {target}
-up = {upward}
-fov = 40
-size = [512, 512]
-"""
+from scene_mesh import Mesh, length, scan_scene, sub
 
 
 def grow(grower, base, k, options, path):
@@ -80,7 +49,7 @@ def write(folder, box, up, about):
     # the mesh is tall and casts soft shadows from half above it.
     (folder / "ground.ply").write_bytes(square(0, 0, -0.01 * tall, 10 * size).ply("ground"))
     (folder / "light.ply").write_bytes(square(0.6 * tall, -tall, 1.5 * tall, 0.15 * tall).ply("light, looks down"))
-    views = {"eye": place(0.4 * tall, -2 * tall, 0.9 * tall), "target": place(0, 0, 0.5 * tall), "upward": [int(c == up) for c in "xyz"]}
-    text = SCENE.format(about=about, up=up, **{name: list(value) for name, value in views.items()})
+    eye, target = place(0.4 * tall, -2 * tall, 0.9 * tall), place(0, 0, 0.5 * tall)
+    text = scan_scene(about, ("grown.ply", (0.7, 0.7, 0.7)), up, eye, target)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     return folder / "scene.toml"

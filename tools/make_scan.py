@@ -27,41 +27,11 @@ import time
 from array import array
 
 from ply_table import smooth_normals
+from scene_mesh import scan_scene
 
 OCTAVES, WAVES, RADIUS = (3, 6, 12, 24, 48, 96), 4, 0.87
 SLOPE = 0.6  # of the gentle ball, against the sphere
 RIDGED_FROM, RIDGED_GAIN = 12, 2.2
-
-SCENE = """# {about}
-
-[[mesh]]
-file = "object.ply"
-albedo = [0.75, 0.6, 0.45]
-sides = 2
-
-[[mesh]]
-file = "ground.ply"
-albedo = [0.5, 0.5, 0.5]
-sides = 2
-
-[[mesh]]
-file = "light.ply"
-albedo = [0.0, 0.0, 0.0]
-radiance = [40.0, 36.0, 30.0]
-sides = 1
-
-[sky]
-radiance = [1.0, 1.0, 1.0]
-up = "z"
-
-[[camera]]
-name = "front"
-eye = [2.6, -2.6, 1.9]
-target = [0.0, 0.0, 0.85]
-up = [0, 0, 1]
-fov = 40
-size = [512, 512]
-"""
 
 
 def icosphere(levels):
@@ -198,7 +168,7 @@ def main():
         "object.ply": ply(about, vertices, faces, smooth_normals(vertices, faces)),
         "ground.ply": ply("ground", ground, square),
         "light.ply": ply("light, looks down", light, square),
-        "scene.toml": SCENE.format(about=about).encode(),
+        "scene.toml": scan_scene(about, ("object.ply", (0.75, 0.6, 0.45)), "z", (2.6, -2.6, 1.9), (0.0, 0.0, 0.85)).encode(),
     }
     arguments.folder.mkdir(parents=True, exist_ok=True)
     for name, content in files.items():

@@ -1,6 +1,45 @@
-"""Meshes for make_scenes.py: polygons, frames, boxes, lathes; binary PLY with the same bytes everywhere."""
+"""Meshes for generated scenes: polygons, frames, boxes, lathes; binary PLY with the same bytes everywhere. The scene of a scan."""
 import math
 import struct
+
+SCAN_SCENE = """# {about}
+
+[[mesh]]
+file = "{file}"
+albedo = {albedo}
+sides = 2
+
+[[mesh]]
+file = "ground.ply"
+albedo = [0.5, 0.5, 0.5]
+sides = 2
+
+[[mesh]]
+file = "light.ply"
+albedo = [0.0, 0.0, 0.0]
+radiance = [40.0, 36.0, 30.0]
+sides = 1
+
+[sky]
+radiance = [1.0, 1.0, 1.0]
+up = "{up}"
+
+[[camera]]
+name = "front"
+eye = {eye}
+target = {target}
+up = {upward}
+fov = 40
+size = [512, 512]
+"""
+
+
+def scan_scene(about, scan, up, eye, target):
+    """A scene file: a scan, its file and its albedo, on ground.ply under a white sky and the small lamp light.ply; `up` is the letter of an axis."""
+    upward = [int(axis == up) for axis in "xyz"]
+    file, albedo = scan
+    views = {"eye": list(eye), "target": list(target), "upward": upward}
+    return SCAN_SCENE.format(about=about, file=file, albedo=list(albedo), up=up, **views)
 
 
 class Mesh:

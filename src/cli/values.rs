@@ -23,43 +23,42 @@ pub fn share(text: &str) -> Result<f64, String> {
 
 /// Parses "4GiB", "4G" (both binary), "500MB" (decimal) or plain bytes.
 pub fn bytes(text: &str) -> Result<u64, String> {
-    let problem = || "expected a size such as 4GiB, 500MB or 1000000".to_owned();
-    let text = text.trim();
-    let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
-    let (digits, unit) = text.split_at(split);
-    let value: f64 = digits.parse().map_err(|_| problem())?;
-    let factor: f64 = match unit.trim().to_ascii_lowercase().as_str() {
-        "" | "b" => 1.0,
-        "k" | "kib" => 1024.0,
-        "m" | "mib" => 1024f64.powi(2),
-        "g" | "gib" => 1024f64.powi(3),
-        "t" | "tib" => 1024f64.powi(4),
-        "kb" => 1e3,
-        "mb" => 1e6,
-        "gb" => 1e9,
-        "tb" => 1e12,
-        _ => return Err(problem()),
+    let factor = |unit: &str| match unit.trim() {
+        "" | "b" => Some(1.0),
+        "k" | "kib" => Some(1024.0),
+        "m" | "mib" => Some(1024f64.powi(2)),
+        "g" | "gib" => Some(1024f64.powi(3)),
+        "t" | "tib" => Some(1024f64.powi(4)),
+        "kb" => Some(1e3),
+        "mb" => Some(1e6),
+        "gb" => Some(1e9),
+        "tb" => Some(1e12),
+        _ => None,
     };
-    let size = value * factor;
-    if size >= 1.0 && size < 2f64.powi(63) { Ok(size as u64) } else { Err(problem()) }
+    let size = scaled(text, factor).filter(|&size| size >= 1.0);
+    size.map(|size| size as u64).ok_or_else(|| "expected a size such as 4GiB, 500MB or 1000000".to_owned())
 }
 
 /// Parses a number of things, as 2000000, 500k or 2M (decimal).
 pub fn count(text: &str) -> Result<u64, String> {
-    let problem = || "expected a number such as 2000000, 500k or 2M".to_owned();
+    let factor = |unit: &str| match unit {
+        "" => Some(1.0),
+        "k" => Some(1e3),
+        "m" => Some(1e6),
+        "g" => Some(1e9),
+        _ => None,
+    };
+    let count = scaled(text, factor);
+    count.map(|count| count as u64).ok_or_else(|| "expected a number such as 2000000, 500k or 2M".to_owned())
+}
+
+/// Digits and the factor of the unit behind them, which is asked for in lower case; below 2^63.
+fn scaled(text: &str, factor: impl Fn(&str) -> Option<f64>) -> Option<f64> {
     let text = text.trim();
     let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (digits, unit) = text.split_at(split);
-    let value: f64 = digits.parse().map_err(|_| problem())?;
-    let factor = match unit.to_ascii_lowercase().as_str() {
-        "" => 1.0,
-        "k" => 1e3,
-        "m" => 1e6,
-        "g" => 1e9,
-        _ => return Err(problem()),
-    };
-    let count = value * factor;
-    if count < 2f64.powi(63) { Ok(count as u64) } else { Err(problem()) }
+    let value: f64 = digits.parse().ok()?;
+    Some(value * factor(&unit.to_ascii_lowercase())?).filter(|&product| product < 2f64.powi(63))
 }
 
 /// A parser of the bases' names.
@@ -144,6 +143,18 @@ mod tests {
         assert_eq!((bytes("1.5 G"), bytes("2k")), (Ok(3 << 29), Ok(2048)));
         for bad in ["", "GiB", "4 GiBs", "-1", "0", "1e99", "99999999999TiB", "1.2.3"] {
             assert!(bytes(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn counts_are_decimal() {
+        assert_eq!(
+            (count("2000000"), count("500k"), count("1.5M")),
+            (Ok(2_000_000), Ok(500_000), Ok(1_500_000))
+        );
+        assert_eq!((count("0"), count(" 2G ")), (Ok(0), Ok(2_000_000_000)));
+        for bad in ["", "k", "2 k", "2kB", "-1", "1e3", "99999999999G", "1.2.3"] {
+            assert!(count(bad).is_err(), "{bad}");
         }
     }
 

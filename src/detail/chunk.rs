@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use super::Shards;
 use super::cut::bits::Bits;
-use super::normals::Normals;
 use super::simplify::{self, Means};
 use crate::error::Result;
-use crate::geometry::triangle;
+use crate::geometry::normals::{Weight, cofactors, means_of_faces, own_or_mean, turned};
+use crate::geometry::{octahedral, triangle};
 use crate::light::Rgb;
 use crate::rays::Bvh;
 use crate::scene::Placement;
@@ -77,11 +77,7 @@ impl Shards {
         let world: Vec<DVec3> = ids.par_iter().map(|&id| self.world(stream, id)).collect();
         let Means { cells, means, colours: mean_colours } =
             simplify::means(&cells, &world, colours.as_deref(), placement);
-        let normals = Normals::of(&gathered.points, &gathered.triangles).encoded(
-            &own,
-            stream,
-            (&ids, self.transform()),
-        );
+        let normals = self.normals(stream, &gathered, &own);
         let Gathered { ids: all, points, triangles, .. } = gathered;
         let is_owned = |corners: &[u32; 3]| usize::from(owners[all[corners[0] as usize] as usize]) == number;
         let triangles: Vec<[u32; 3]> = triangles.into_par_iter().with_min_len(RUN).filter(is_owned).collect();
@@ -102,6 +98,18 @@ impl Shards {
 
     fn world(&self, stream: &Stream, id: u32) -> DVec3 {
         self.transform().transform_point3(stream.position(id))
+    }
+
+    /// Codes of the normals of those at `places`.
+    fn normals(&self, stream: &Stream, gathered: &Gathered, places: &[u32]) -> Vec<u32> {
+        let means = means_of_faces(&gathered.points, &gathered.triangles, Weight::Area);
+        let cofactors = cofactors(self.transform().matrix3);
+        let encoded = |&place: &u32| {
+            let own = stream.normal(gathered.ids[place as usize]);
+            let own = own.map_or(Vec3::ZERO, |own| turned(cofactors, own));
+            octahedral::encode(own_or_mean(own, means[place as usize]))
+        };
+        places.par_iter().map(encoded).collect()
     }
 
     fn gather(&self, stream: &Stream, number: usize, placement: &Placement) -> Gathered {

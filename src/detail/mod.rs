@@ -8,7 +8,6 @@
 mod chunk;
 mod cut;
 mod near;
-mod normals;
 mod read;
 mod simplify;
 mod write;

@@ -5,6 +5,7 @@ use std::path::Path;
 use bytemuck::Pod;
 use glam::{DVec3, Vec3};
 use half::f16;
+use rayon::prelude::*;
 
 use super::write::{BLOCKS, HEAD, Head, KIND, OF_COLOUR, tags};
 use crate::archive::{Access, Archive, Block, Digests, Tag};
@@ -12,6 +13,8 @@ use crate::error::{Error, Result};
 use crate::light::Rgb;
 use crate::scene::Placement;
 use crate::scene::assemble::Part;
+
+const NO_COLOUR: &str = "expected colours, got what is negative or not finite";
 
 /// A streamed mesh, chunk by chunk, through a map of its archive.
 #[derive(Debug)]
@@ -25,7 +28,7 @@ pub struct Detail {
 
 impl Detail {
     /// Opens a finished archive; with digests, only one made from these. Checks the order of all blocks, so that the
-    /// arrays of a chunk can be asked for by its number.
+    /// arrays of a chunk can be asked for by its number, and that numbers of the whole mesh can be used.
     ///
     /// # Errors
     /// As [`Archive::open`]; [`Error::JobDiffers`] when it is of another kind or was made from something else;
@@ -41,6 +44,13 @@ impl Detail {
             [head] => *head,
             heads => return Err(damaged(&archive, "head", format!("expected one, got {}", heads.len()))),
         };
+        if !head.is_usable() {
+            return Err(damaged(
+                &archive,
+                "head",
+                "expected a frame and a box that can be, got others".into(),
+            ));
+        }
         let tags = tags(head.coloured == 1);
         let found: Vec<Tag> = archive.all_blocks().map(|block| block.entry().tag).collect();
         let expected = head.chunks.checked_mul(tags.len() as u64).and_then(|blocks| blocks.checked_add(1));
@@ -111,12 +121,18 @@ impl Detail {
         self.block(chunk, BLOCKS[1])
     }
 
-    /// Numbers in the file of a chunk's vertices, ascending.
+    /// Numbers in the file of a chunk's vertices, ascending, below [`Detail::vertices`]. Cost: looks at all of them.
     ///
     /// # Errors
     /// [`Error::Damaged`], [`Error::Io`].
     pub fn ids(&self, chunk: usize) -> Result<&[u32]> {
-        self.block(chunk, BLOCKS[2]).array()
+        let ids: &[u32] = self.of_vertices(chunk, BLOCKS[2])?;
+        let last = ids.last().map_or(0, |&id| u64::from(id) + 1);
+        if last > self.vertices() || !ids.par_windows(2).all(|pair| pair[0] < pair[1]) {
+            let problem = format!("expected ascending numbers below {}, got others", self.vertices());
+            return Err(damaged(&self.archive, &format!("chunk {chunk} {}", BLOCKS[2]), problem));
+        }
+        Ok(ids)
     }
 
     /// Local positions of a chunk's vertices.
@@ -135,12 +151,20 @@ impl Detail {
         self.of_vertices(chunk, BLOCKS[4])
     }
 
-    /// Linear colours of a chunk's vertices, if the file has any.
+    /// Linear colours of a chunk's vertices, if the file has any: finite, from 0 on. Cost: looks at all of them.
     ///
     /// # Errors
     /// As [`Detail::ids`].
     pub fn colours(&self, chunk: usize) -> Result<Option<&[[f16; 3]]>> {
-        self.has_colours().then(|| self.of_vertices(chunk, BLOCKS[OF_COLOUR[0]])).transpose()
+        if !self.has_colours() {
+            return Ok(None);
+        }
+        let tag = BLOCKS[OF_COLOUR[0]];
+        let colours: &[[f16; 3]] = self.of_vertices(chunk, tag)?;
+        if !colours.par_iter().flatten().all(|value| value.is_finite() && *value >= f16::ZERO) {
+            return Err(damaged(&self.archive, &format!("chunk {chunk} {tag}"), NO_COLOUR.into()));
+        }
+        Ok(Some(colours))
     }
 
     /// The proxy of all chunks as a mesh in world coordinates, without a name: positions, triangles and colours.
@@ -165,6 +189,12 @@ impl Detail {
         }
         if !cells.is_sorted_by(|a, b| a < b) || u32::try_from(cells.len()).is_err() {
             return Err(damaged(&self.archive, "cells", "expected ascending cells, got others".into()));
+        }
+        if !part.positions.iter().all(|at| at.is_finite()) {
+            return Err(damaged(&self.archive, "means", "expected positions, got what is not finite".into()));
+        }
+        if !part.colours.iter().flatten().all(|colour| colour.is_finite() && colour.min_element() >= 0.0) {
+            return Err(damaged(&self.archive, "tints", NO_COLOUR.into()));
         }
         let place = |cell: &u64| cells.binary_search(cell).ok().map(|at| at as u32);
         for chunk in 0..self.chunk_count() {

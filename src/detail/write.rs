@@ -54,6 +54,17 @@ pub struct Head {
     pub coloured: u64,
 }
 
+impl Head {
+    /// Whether it tells of a mesh that can be: a frame with a finite origin and a scale, a box, cells, 32 bits of vertices.
+    pub fn is_usable(&self) -> bool {
+        let all_finite = self.origin.iter().chain(self.bounds.as_flattened()).all(|x| x.is_finite());
+        let lengths = [self.scale, self.cell].iter().all(|x| x.is_finite() && *x > 0.0);
+        let [low, high] = self.bounds;
+        let is_box = low.iter().zip(high).all(|(low, high)| *low <= high);
+        all_finite && lengths && is_box && self.coloured <= 1 && u32::try_from(self.vertices).is_ok()
+    }
+}
+
 /// How far the running numbers are.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sums {

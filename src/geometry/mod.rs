@@ -3,6 +3,7 @@
 pub mod hash;
 pub mod hemisphere;
 pub mod morton;
+pub mod normals;
 pub mod octahedral;
 pub mod triangle;
 

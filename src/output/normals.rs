@@ -1,68 +1,25 @@
-//! Normals at vertices.
-//!
-//! This work is based on: Thürmer and Wüthrich, "Computing Vertex Normals from Polygonal Facets", Journal of Graphics
-//! Tools 1998 (weights by angle, for pictures).
+//! Normals at the vertices of a scene in memory.
 
 use glam::Vec3;
 
-use crate::geometry::triangle;
+pub use crate::geometry::normals::Weight;
+use crate::geometry::normals::{means_of_faces, own_or_mean};
 use crate::scene::{Mesh, Scene};
 
 /// Beyond this angle between a face and the normal at its corner the corner is a crease and keeps the face's own
 /// normal in pictures (cosine of 40 degrees): box corners differ by 45 degrees or more, faces of a scan by less.
 const CREASE_COSINE: f32 = 0.766;
 
-/// How faces share in the normal of a vertex that has none of its own.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weight {
-    /// By area: the mean orientation of the surface around the vertex.
-    Area,
-    /// By the angle at the vertex: does not depend on how a wall is cut into triangles.
-    Angle,
-}
-
 /// One unit normal per vertex of the scene: the file's where it has one, on the side that the faces' winding makes the
 /// front, else the weighted mean of the faces; zero for vertices that no face with area uses.
 ///
 /// Cost: two passes over the triangles, 12 bytes per vertex.
 pub fn vertex_normals(scene: &Scene, weight: Weight) -> Vec<Vec3> {
-    let mut normals = vec![Vec3::ZERO; scene.vertices.len()];
-    for triangle in &scene.triangles {
-        let corners = triangle.map(|k| scene.vertices[k as usize]);
-        let along = triangle::area_vector(corners);
-        for (k, &vertex) in triangle.iter().enumerate() {
-            normals[vertex as usize] += match weight {
-                Weight::Area => along,
-                Weight::Angle => along.normalize_or_zero() * angle(corners, k),
-            };
-        }
-    }
-    // Sums that cancel (the two sides of a sheet) or underflow take any face's normal.
-    let lost = |sum: Vec3| !sum.is_finite() || sum.normalize_or_zero() == Vec3::ZERO;
-    for triangle in &scene.triangles {
-        if triangle.iter().any(|&k| lost(normals[k as usize])) {
-            let normal = triangle::normal(triangle.map(|k| scene.vertices[k as usize]));
-            for &k in triangle.iter().filter(|_| normal.is_finite()) {
-                let slot = &mut normals[k as usize];
-                *slot = if lost(*slot) { normal } else { *slot };
-            }
-        }
-    }
-    for normal in &mut normals {
-        *normal = if lost(*normal) { Vec3::ZERO } else { normal.normalize() };
-    }
+    let mut normals = means_of_faces(&scene.vertices, &scene.triangles, weight);
     for mesh in &scene.meshes {
         take_file_normals(mesh, &mut normals);
     }
     normals
-}
-
-/// The angle at corner `k`, radians; 0 without extent.
-fn angle(corners: [Vec3; 3], k: usize) -> f32 {
-    let a = corners[(k + 1) % 3] - corners[k];
-    let b = corners[(k + 2) % 3] - corners[k];
-    let angle = a.cross(b).length().atan2(a.dot(b));
-    if angle.is_finite() { angle } else { 0.0 }
 }
 
 /// Replaces face means by the file's normals where both exist.
@@ -70,10 +27,7 @@ fn take_file_normals(mesh: &Mesh, normals: &mut [Vec3]) {
     let Some(given) = &mesh.normals else { return };
     let own = mesh.vertices.start as usize..mesh.vertices.end as usize;
     for (slot, file) in normals[own].iter_mut().zip(given) {
-        let unit = file.normalize_or_zero();
-        if *slot != Vec3::ZERO && unit != Vec3::ZERO && unit.is_finite() {
-            *slot = if unit.dot(*slot) < 0.0 { -unit } else { unit };
-        }
+        *slot = own_or_mean(file.normalize_or_zero(), *slot);
     }
 }
 

@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DVec3, Vec2, Vec3};
 
 use crate::error::{Error, Result};
+use crate::geometry::normals::{self, turned};
 use crate::geometry::triangle;
 use crate::light::Rgb;
 use crate::scene::{Albedo, Camera, Lamp, LampKind, Mesh, Placement, Scene, Sky, Texture, Warning};
@@ -138,10 +139,7 @@ impl Contents {
     /// Moves parts, lamps and cameras by a world transform.
     pub fn transform(&mut self, by: DAffine3) {
         let linear = by.matrix3;
-        let turned = |v: Vec3, matrix: DMat3| (matrix * v.as_dvec3()).normalize_or_zero().as_vec3();
-        // Normals go with the cofactors, which need no inverse and keep their sense under mirroring.
-        let (x, y, z) = (linear.x_axis, linear.y_axis, linear.z_axis);
-        let cofactors = DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y));
+        let cofactors = normals::cofactors(linear);
         let mirrored = linear.determinant() < 0.0;
         for part in &mut self.parts {
             if let Some(streamed) = &mut part.streamed {
@@ -149,7 +147,7 @@ impl Contents {
             }
             part.positions.iter_mut().for_each(|p| *p = by.transform_point3(*p));
             for normal in part.normals.iter_mut().flatten() {
-                *normal = turned(*normal, cofactors) * if mirrored { -1.0 } else { 1.0 };
+                *normal = turned(cofactors, *normal) * if mirrored { -1.0 } else { 1.0 };
             }
             if mirrored {
                 part.triangles.iter_mut().for_each(|t| t.swap(1, 2));
@@ -159,7 +157,7 @@ impl Contents {
             lamp.position = by.transform_point3(lamp.position);
             match &mut lamp.kind {
                 LampKind::Sun { direction, .. } | LampKind::Spot { direction, .. } => {
-                    *direction = turned(*direction, linear);
+                    *direction = turned(linear, *direction);
                 }
                 LampKind::Point { .. } => {}
             }
@@ -167,7 +165,7 @@ impl Contents {
         for camera in &mut self.cameras {
             camera.eye = by.transform_point3(camera.eye);
             camera.target = by.transform_point3(camera.target);
-            camera.rest.up = turned(camera.rest.up, linear);
+            camera.rest.up = turned(linear, camera.rest.up);
         }
     }
 

@@ -2,6 +2,8 @@
 //! targets of `tools/fuzz` and the replay of their corpus share this file.
 #![allow(dead_code, clippy::allow_attributes)] // every target uses a part of it
 
+pub mod chunks;
+
 use std::collections::HashMap;
 use std::io::{self, Cursor, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -17,7 +19,7 @@ use glowtree::scene::{self, LampKind, Scene, Sky, materials, sky};
 pub type Reader = fn(&[u8]);
 
 /// All targets by name; each has a folder of seeds.
-pub const TARGETS: [(&str, Reader); 7] = [
+pub const TARGETS: [(&str, Reader); 8] = [
     ("ply", ply),
     ("obj", obj),
     ("gltf", gltf),
@@ -25,6 +27,7 @@ pub const TARGETS: [(&str, Reader); 7] = [
     ("points", points),
     ("picture", picture),
     ("archive", archive),
+    ("detail", chunks::detail),
 ];
 
 /// A square that scene files may name as `square.ply`; it has texture coordinates and colours.

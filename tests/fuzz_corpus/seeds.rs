@@ -1,8 +1,14 @@
 //! Seeds of the corpus: small inputs of every kind, sound or nearly so, all made here.
 
-use glowtree::archive::{Encoded, Tag, Writer, partial_path};
+use std::sync::Arc;
 
-use crate::readers::{Memory, SITES, archive_digests};
+use glam::DAffine3;
+use glowtree::archive::{Disk, Encoded, Storage, Tag, Writer, partial_path};
+use glowtree::detail::{CutParams, Shards, write};
+use glowtree::scene::Placement;
+use glowtree::scene::ply::stream::Stream;
+
+use crate::readers::{Memory, SITES, archive_digests, chunks};
 use crate::scene_shared::pictures::{exr, png, png_claiming};
 use crate::scene_shared::{SQUARE_PLY, glb, small_glb, small_glb_parts};
 
@@ -16,6 +22,7 @@ pub fn seeds() -> Vec<Seed> {
     seeds.extend(scenes());
     seeds.extend(pictures());
     seeds.extend(archives());
+    seeds.extend(details());
     let table =
         "\u{feff}id, nx,ny,nz,x,y,z,note\r\n007,0,0,-2,1e3,-0.5, 3 ,\"a, \"\"b\"\"\"\r\n8,3,4,0,0,0,0,\r\n";
     seeds.push(("points", "quoted.csv", table.into()));
@@ -129,8 +136,8 @@ fn pictures() -> Vec<Seed> {
 fn archives() -> Vec<Seed> {
     let memory = Memory::default();
     let path = std::path::Path::new("sites.glow");
-    let mut writer = Writer::create_in(std::sync::Arc::new(memory.clone()), path, SITES, archive_digests())
-        .expect("memory");
+    let mut writer =
+        Writer::create_in(Arc::new(memory.clone()), path, SITES, archive_digests()).expect("memory");
     writer.append(Tag::new("rows"), 0..9, &[1u64, 4, 9, 16, 25, 36, 49, 64, 81, 100]).expect("memory");
     writer.append(Tag::new("weights"), 0..3, &[1.0f32, 0.5, 0.25]).expect("memory");
     writer.checkpoint().expect("memory");
@@ -140,4 +147,51 @@ fn archives() -> Vec<Seed> {
     writer.finish(&[("program", "test")]).expect("memory");
     let finished = memory.bytes(path).expect("a file");
     vec![("archive", "finished.glow", finished), ("archive", "unfinished.glow", unfinished)]
+}
+
+/// Archives of two streamed meshes, one with colours, whole and as blocks alone.
+fn details() -> Vec<Seed> {
+    let bumps = |coloured: bool| {
+        let mut text = String::from(
+            "ply\nformat ascii 1.0\nelement vertex 16\nproperty float x\nproperty float y\nproperty float z\n",
+        );
+        if coloured {
+            text += "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+        }
+        text += "element face 9\nproperty list uchar int vertex_indices\nend_header\n";
+        for k in 0..16 {
+            let colour = if coloured { format!(" {} 100 {}", 16 * k, 250 - 16 * k) } else { String::new() };
+            text += &format!("{} {} {}{colour}\n", k % 4, k / 4, (k * k) % 3);
+        }
+        for k in (0..12).filter(|k| k % 4 < 3) {
+            text += &format!("4 {} {} {} {}\n", k, k + 1, k + 5, k + 4);
+        }
+        text
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let mut seeds = Vec::new();
+    for (coloured, names) in
+        [(false, ["plain.glow", "plain.blocks"]), (true, ["tinted.glow", "tinted.blocks"])]
+    {
+        let mesh = folder.path().join("mesh.ply");
+        std::fs::write(&mesh, bumps(coloured)).expect("writing the mesh");
+        let archive = folder.path().join(names[0]);
+        cut(&mesh, &archive).expect("cutting the mesh");
+        seeds.push(("detail", names[0], std::fs::read(&archive).expect("the archive")));
+        seeds.push(("detail", names[1], chunks::loose(&archive)));
+    }
+    seeds
+}
+
+/// Cuts a mesh into chunks of few triangles.
+fn cut(mesh: &std::path::Path, archive: &std::path::Path) -> glowtree::Result<()> {
+    let scratch = archive.with_extension("scratch");
+    let pause = &|| Ok(());
+    let params = CutParams { chunk_triangles: 16, proxy_triangles: 1000 };
+    let stream = Stream::open(mesh, &scratch)?;
+    let shards = Shards::make(&stream, &DAffine3::IDENTITY, &params, &scratch, pause)?;
+    let [low, high] = shards.bounds();
+    let placement = Placement { origin: low * 0.5 + high * 0.5, scale: (high - low).max_element() };
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    write(&storage, archive, archive_digests(), (&stream, &shards, &placement), pause, |_| ())
 }

@@ -138,7 +138,11 @@ pub fn verify(job: &Path, monitor: &dyn Monitor) -> Result<Report> {
     if let (Some(archive), Some(links), Some(sites)) = (light, &links, &sites) {
         light::check(archive, (sites, links), &mut report);
     }
-    sides.agree(scene, sites.as_ref(), links.as_ref(), &mut report);
+    let counts = match scene {
+        Some(scene) => scene::counts(job, scene, &mut report)?,
+        None => None,
+    };
+    sides.agree(counts.unzip(), sites.as_ref(), links.as_ref(), &mut report);
     stage.finish();
     note_absent(job, &mut report);
     Ok(report)

@@ -1,10 +1,15 @@
 //! Invariants of the scene: its numbers are finite, and its hierarchy holds every triangle once, inside of all boxes above.
 
+use std::path::Path;
+
 use glam::Vec3;
 
 use super::archives::Opened;
-use super::{Report, each};
+use super::{Damage, Report, each};
+use crate::bake::store;
 use crate::bake::store::record::SceneRecord;
+use crate::detail::Detail;
+use crate::error::{Error, Result};
 use crate::geometry::triangle;
 use crate::light::Rgb;
 use crate::rays::{Branch, BvhView, Child, NO_TRIANGLE, Packet};
@@ -41,6 +46,53 @@ pub(super) fn check(file: &Opened, report: &mut Report) -> Option<Scene> {
         }
     }
     Some(scene)
+}
+
+/// Triangles and vertices of the scene as its files have it, chunks counted for the proxies that stand for them; None
+/// where some cannot be counted. Notes what their checksums do not tell: order, lengths, references, the frame.
+pub(super) fn counts(job: &Path, scene: &Scene, report: &mut Report) -> Result<Option<(u64, u64)>> {
+    let Ok(files) = store::chunk_files(job) else { return Ok(None) };
+    let mut counts = Some((scene.triangles.len() as u64, scene.vertices.len() as u64));
+    for (mesh, name) in files {
+        let checked = if report.is_whole_file(&name) { chunks(&job.join(&name), scene) } else { Ok(None) };
+        let added = match checked {
+            Ok(added) => added,
+            Err(Error::Damaged { place, problem, .. }) => {
+                report.damages.push(Damage::of_file(name, format!("{place}: {problem}")));
+                None
+            }
+            Err(error) => return Err(error),
+        };
+        let sum = |(triangles, vertices): (u64, u64)| {
+            let (more, proxy) = (added?, scene.meshes.get(mesh)?);
+            let stood_in = [proxy.triangles.len() as u64, proxy.vertices.len() as u64];
+            let left = (triangles.checked_sub(stood_in[0])?, vertices.checked_sub(stood_in[1])?);
+            Some((left.0 + more.0, left.1 + more.1))
+        };
+        counts = counts.and_then(sum);
+    }
+    Ok(counts)
+}
+
+/// Checks one archive of chunks; triangles with an area, and vertices, of the mesh.
+fn chunks(path: &Path, scene: &Scene) -> Result<Option<(u64, u64)>> {
+    let detail = Detail::open(path, None)?;
+    let damaged =
+        |place: String, problem: String| Err(Error::Damaged { file: path.to_path_buf(), place, problem });
+    if detail.placement() != scene.placement {
+        return damaged("head".into(), "expected the frame of the scene, got another".into());
+    }
+    for chunk in 0..detail.chunk_count() {
+        detail.ids(chunk)?;
+        detail.points(chunk)?;
+        detail.normals(chunk)?;
+        detail.colours(chunk)?;
+        let view = BvhView::checked(detail.branches(chunk).array()?, detail.packets(chunk).array()?);
+        if let Err(problem) = view {
+            return damaged(format!("branches of chunk {chunk}"), problem.to_string());
+        }
+    }
+    Ok(Some((detail.triangles(), detail.vertices())))
 }
 
 /// The scene of its tables, which are checked before anything is believed.

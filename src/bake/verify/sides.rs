@@ -10,7 +10,6 @@ use crate::bake::job::{INPUTS_FILE, Inputs, OPTIONS_FILE, options_digest, read_s
 use crate::bake::options::Options;
 use crate::bake::report::summary::{SUMMARY_FILE, Summary};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
 
 /// What the three files say; None where one does not.
 pub(super) struct Sides {
@@ -45,18 +44,18 @@ impl Sides {
         ])
     }
 
-    /// Notes figures of the summary that the archives contradict.
+    /// Notes figures of the summary that the archives contradict; triangles and vertices are those of the scene's files.
     pub(super) fn agree(
         &self,
-        scene: Option<&Scene>,
+        (triangles, vertices): (Option<u64>, Option<u64>),
         sites: Option<&Sited<'_>>,
         links: Option<&Linked<'_>>,
         report: &mut Report,
     ) {
         let Some(summary) = &self.summary else { return };
         for (what, told, counted) in [
-            ("triangles", summary.triangles, scene.map(|s| s.triangles.len() as u64)),
-            ("vertices", summary.vertices, scene.map(|s| s.vertices.len() as u64)),
+            ("triangles", summary.triangles, triangles),
+            ("vertices", summary.vertices, vertices),
             ("sites", summary.sites, sites.and_then(|s| s.count).map(|n| n as u64)),
             ("links", summary.links, links.and_then(|l| l.links)),
         ] {

@@ -1,6 +1,8 @@
-//! Making anew what is damaged, and nothing else: the frame of a file from its blocks, headers from the directory, rows from their
-//! points, all else from a new bake, of which only the damaged blocks are taken. Checksums prove each repair before it takes its name.
+//! Making anew what is damaged, and nothing else: the frame of a file from its blocks, headers from the directory, rows
+//! from their points, chunks from the meshes that they were cut from, all else from a new bake, of which only the damaged
+//! blocks are taken. Checksums prove each repair before it takes its name.
 
+mod chunks;
 mod frame;
 mod headers;
 mod lost;
@@ -72,9 +74,16 @@ pub fn repair(job: &Path, report: &Report, monitor: &dyn Monitor) -> Result<Repa
         lost::find(job, &mut repaired)?;
         report = verify(job, monitor)?;
     }
+    if chunks::mend(job, &report, &mut repaired, monitor)? {
+        report = verify(job, monitor)?;
+    }
     if !report.is_whole() {
         rebake::mend(job, &report, &mut repaired, monitor)?;
         report = verify(job, monitor)?;
+        // Only now the scene may tell which chunks there are to be.
+        if chunks::mend(job, &report, &mut repaired, monitor)? {
+            report = verify(job, monitor)?;
+        }
     }
     match report.damages.first() {
         None => Ok(repaired),

@@ -41,7 +41,7 @@ pub(super) fn mend(
     let archives: Vec<Archive> =
         ARCHIVES.iter().map(|kind| Archive::open(new.join(file_name(kind)))).collect::<Result<_>>()?;
     for (kind, fresh) in ARCHIVES.iter().zip(&archives) {
-        compare(job, kind, fresh, report)?;
+        compare(job, &file_name(kind), fresh, report)?;
     }
     for (kind, fresh) in ARCHIVES.iter().zip(&archives).filter(|(k, _)| !report.is_whole_file(&file_name(k)))
     {
@@ -57,7 +57,7 @@ pub(super) fn mend(
 }
 
 /// The scene asked for, if all inputs are what they were.
-fn unchanged<'a>(job: &Path, inputs: &'a Inputs) -> Result<&'a Path> {
+pub(super) fn unchanged<'a>(job: &Path, inputs: &'a Inputs) -> Result<&'a Path> {
     let differs = |difference: String| Error::JobDiffers { job: job.to_path_buf(), difference };
     for (file, digest) in &inputs.files {
         let shown = file.display();
@@ -79,19 +79,17 @@ fn unchanged<'a>(job: &Path, inputs: &'a Inputs) -> Result<&'a Path> {
 }
 
 /// The job's own file, if it opens and parts of it are to be kept.
-fn kept(job: &Path, kind: &str, report: &Report) -> Option<(Archive, BTreeSet<usize>)> {
-    let name = file_name(kind);
-    let archive = Archive::open(job.join(&name)).ok()?;
-    let damaged =
-        if report.is_whole_file(&name) { BTreeSet::new() } else { damaged(report, &name, |_| true)? };
+pub(super) fn kept(job: &Path, name: &str, report: &Report) -> Option<(Archive, BTreeSet<usize>)> {
+    let archive = Archive::open(job.join(name)).ok()?;
+    let damaged = if report.is_whole_file(name) { BTreeSet::new() } else { damaged(report, name, |_| true)? };
     Some((archive, damaged))
 }
 
-/// Refuses a new bake that does not have the job's whole blocks.
-fn compare(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<()> {
-    let Some((old, damaged)) = kept(job, kind, report) else { return Ok(()) };
+/// Refuses a new file that does not have the job's whole blocks.
+pub(super) fn compare(job: &Path, name: &str, fresh: &Archive, report: &Report) -> Result<()> {
+    let Some((old, damaged)) = kept(job, name, report) else { return Ok(()) };
     let other = |what: String| {
-        let difference = format!("{}: {what} is another when baked now", file_name(kind));
+        let difference = format!("{name}: {what} is another when made now");
         Err(Error::JobDiffers { job: job.to_path_buf(), difference })
     };
     if old.digests() != fresh.digests() {
@@ -116,7 +114,7 @@ fn compare(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<(
 /// Writes a file of the job's whole blocks and the new bake's for those that are damaged.
 fn take(job: &Path, kind: &str, fresh: &Archive, report: &Report) -> Result<RepairedFile> {
     let name = file_name(kind);
-    let old = kept(job, kind, report);
+    let old = kept(job, &name, report);
     let provenance = old.as_ref().map_or(fresh.provenance(), |(old, _)| old.provenance());
     let plan = Plan { job, kind, digests: fresh.digests(), provenance };
     let mut made_blocks = 0;
