@@ -44,8 +44,9 @@ pub(super) fn mend(
     let folder = tempfile::Builder::new().prefix(".glowtree-repair-").tempdir_in(parent);
     let folder = folder.map_err(|e| Error::io(parent, "making a temporary folder", e))?;
     // Those that are whole are not made again.
-    streams::share(&whole, job, folder.path())?;
-    cut(folder.path(), (scene_path, &options), monitor)?;
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    streams::share(&storage, &whole, job, folder.path())?;
+    cut((&storage, folder.path()), (scene_path, &options), monitor)?;
     let placement = store::read_scene(job)?.0.placement;
     // All are compared before the first is changed.
     let mut files = Vec::with_capacity(damaged.len());
@@ -83,11 +84,14 @@ pub(super) fn mend(
 }
 
 /// Cuts the scene's streamed meshes into a folder.
-fn cut(folder: &Path, (scene_path, options): (&Path, &Options), monitor: &dyn Monitor) -> Result<()> {
-    let storage: Arc<dyn Storage> = Arc::new(Disk);
+fn cut(
+    (storage, folder): (&Arc<dyn Storage>, &Path),
+    (scene_path, options): (&Path, &Options),
+    monitor: &dyn Monitor,
+) -> Result<()> {
     let pause = || monitor.check();
-    let params = streams::cut_params(options.error);
-    let workshop = Workshop { storage: &storage, job: folder, pause: &pause, monitor, params };
+    let params = streams::cut_params(options.error, options.proxy);
+    let workshop = Workshop { storage, job: folder, pause: &pause, monitor, params, recorded: None };
     let contents = scene::draft(scene_path, options.resident())?;
     workshop.stream(contents, scene_path).map(drop)
 }
