@@ -1,16 +1,17 @@
 //! The small scene, its undisturbed job, and comparing others with it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Arc;
 
-use glowtree::archive::{Digests, Disk, Storage};
-use glowtree::bake::job::streams::Streamed;
-use glowtree::bake::job::{Inputs, digests};
+use glowtree::archive::{Archive, Digest, Digests, Disk, Storage};
 use glowtree::bake::{Options, Silent, Summary, run_in};
 
 use super::finished::Finished;
+use super::program;
 use super::storage::Clumsy;
 use super::storage::log::{Kind, Mishap};
 use super::tally::{Bad, Trial, broken};
@@ -27,10 +28,19 @@ const CORNER: &str = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\
     property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n\
     0 0 0\n1 0 0\n1 0 1\n0 0 1\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 2 1\n3 0 3 2\n3 4 5 6\n3 4 6 7\n";
 
+/// What joins that scene where a mesh is to stay in its file.
+const SHEET: &str = "\n[[mesh]]\nfile = \"sheet.ply\"\nalbedo = [0.7, 0.7, 0.7]\n";
+
+/// Quads along an edge of that mesh, a sheet over the floor.
+const QUADS: u32 = 34;
+
+/// Meshes of more triangles stay in their files, as the command line has it.
+const RESIDENT: &str = "1000";
+
 /// The error target as the command line has it.
 pub const ERROR: &str = "50%";
 
-/// The files of a job that any two bakes agree on; the summary tells times.
+/// The files of a job that any two bakes agree on, as they do on those of chunks; the summary tells times.
 const FILES: [&str; 8] = [
     "scene.glow",
     "sites.glow",
@@ -46,29 +56,38 @@ const FILES: [&str; 8] = [
 pub struct Ground {
     folder: tempfile::TempDir,
     /// What an undisturbed job holds, by file name.
-    pub files: BTreeMap<&'static str, Vec<u8>>,
+    pub files: BTreeMap<String, Vec<u8>>,
     /// Blocks that an undisturbed bake makes: in ledgers and archives.
     pub blocks: u64,
     /// What the archives carry.
     pub digests: Digests,
-    /// Whether the jobs have pictures.
-    pub preview: bool,
+    options: Options,
 }
 
 impl Ground {
-    /// Writes the scene and bakes it undisturbed.
+    /// Writes the scene and bakes it undisturbed, with pictures or without.
     pub fn new(preview: bool) -> Self {
+        Self::of(SCENE, options(preview))
+    }
+
+    /// The scene with one more mesh, which stays in its file; with pictures.
+    pub fn streamed() -> Self {
+        let options = Options { resident: RESIDENT.parse().ok(), ..options(true) };
+        let ground = Self::of(&[SCENE, SHEET].concat(), options);
+        assert!(ground.files.keys().any(|name| name.starts_with("detail-")), "nothing was streamed");
+        ground
+    }
+
+    fn of(scene: &str, options: Options) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let scene_path = folder.path().join("scene.toml");
-        fs::write(&scene_path, SCENE).unwrap();
+        fs::write(folder.path().join("scene.toml"), scene).unwrap();
         fs::write(folder.path().join("corner.ply"), CORNER).unwrap();
-        let scene = glowtree::scene::load(&scene_path).unwrap();
-        let digests =
-            digests(&Inputs::of(&scene_path, &scene, &Streamed::default()).unwrap(), &options(preview))
-                .unwrap();
-        let mut ground = Self { folder, files: BTreeMap::new(), blocks: 0, digests, preview };
+        fs::write(folder.path().join("sheet.ply"), sheet()).unwrap();
+        let digests = Digests { inputs: Digest::of_bytes(b""), options: Digest::of_bytes(b"") };
+        let mut ground = Self { folder, files: BTreeMap::new(), blocks: 0, digests, options };
         let job = ground.path("undisturbed");
         ground.blocks = ground.bake(&disk(), &job).unwrap().computed_blocks;
+        ground.digests = Archive::open(job.join("scene.glow")).unwrap().digests();
         ground.files = contents(&job);
         ground
     }
@@ -85,7 +104,16 @@ impl Ground {
 
     /// Bakes in this process.
     pub fn bake(&self, storage: &Arc<dyn Storage>, job: &Path) -> glowtree::Result<Summary> {
-        run_in(storage, (&self.scene(), job), &options(self.preview), &Silent)
+        run_in(storage, (&self.scene(), job), &self.options, &Silent)
+    }
+
+    /// The program's command that bakes.
+    pub fn command(&self, job: &Path) -> Command {
+        let mut command = program::bake(&self.scene(), job, self.options.preview);
+        if self.options.resident.is_some() {
+            command.args(["--resident", RESIDENT]);
+        }
+        command
     }
 
     /// The ways a bake begins, each with the kinds of its operations: from nothing, from what is left of one that was
@@ -115,14 +143,14 @@ impl Ground {
         if let Some(left) = &beginning.left {
             copy(left, job);
         }
-        let options = Options { restart: beginning.restart, ..options(self.preview) };
+        let options = Options { restart: beginning.restart, ..self.options.clone() };
         run_in(&storage.shared(), (&self.scene(), job), &options, &Silent)
     }
 
     /// Goes on with a beginning that was killed, by the same command: then the job is as it should be.
     pub fn go_on(&self, beginning: &Beginning, job: &Path) -> Trial {
         if beginning.restart {
-            let options = Options { restart: true, ..options(self.preview) };
+            let options = Options { restart: true, ..self.options.clone() };
             if let Err(error) = run_in(&disk(), (&self.scene(), job), &options, &Silent) {
                 return broken(format!("the restart ended with {}: {error}", error.exit_code()));
             }
@@ -184,13 +212,38 @@ pub fn disk() -> Arc<dyn Storage> {
 }
 
 /// The files of a job that bakes agree on.
-pub fn contents(job: &Path) -> BTreeMap<&'static str, Vec<u8>> {
-    FILES.iter().filter_map(|name| Some((*name, fs::read(job.join(name)).ok()?))).collect()
+pub fn contents(job: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(job).into_iter().flatten().flatten();
+    let names = entries.filter_map(|entry| entry.file_name().into_string().ok());
+    let agreed = |name: &String| {
+        FILES.contains(&name.as_str()) || name.starts_with("detail-") && name.ends_with(".glow")
+    };
+    names.filter(agreed).filter_map(|name| Some((name.clone(), fs::read(job.join(&name)).ok()?))).collect()
+}
+
+/// A sheet with waves, of some thousand triangles, ascii.
+fn sheet() -> String {
+    let mut text = format!(
+        "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+        (QUADS + 1) * (QUADS + 1),
+        QUADS * QUADS
+    );
+    for (i, k) in (0..=QUADS).flat_map(|i| (0..=QUADS).map(move |k| (i, k))) {
+        let [x, z] = [i, k].map(|at| 0.2 + 0.6 * f64::from(at) / f64::from(QUADS));
+        let _ = writeln!(text, "{x} {} {z}", 0.2 + 0.03 * (9.0 * x).sin() * (7.0 * z).cos());
+    }
+    for (i, k) in (0..QUADS).flat_map(|i| (0..QUADS).map(move |k| (i, k))) {
+        let at = i * (QUADS + 1) + k;
+        let _ = writeln!(text, "4 {at} {} {} {}", at + 1, at + QUADS + 2, at + QUADS + 1);
+    }
+    text
 }
 
 /// Whether two jobs hold the same; which file does not, otherwise.
-pub fn same(expected: &BTreeMap<&str, Vec<u8>>, got: &BTreeMap<&str, Vec<u8>>) -> Result<(), String> {
-    for name in FILES {
+pub fn same(expected: &BTreeMap<String, Vec<u8>>, got: &BTreeMap<String, Vec<u8>>) -> Result<(), String> {
+    let names: BTreeSet<&String> = expected.keys().chain(got.keys()).collect();
+    for name in names {
         match (expected.get(name), got.get(name)) {
             (there, here) if there == here => {}
             (Some(there), Some(here)) => {

@@ -34,7 +34,15 @@ fn mishaps(kind: Kind) -> Vec<(&'static str, Mishap)> {
 
 /// All pairs of an operation of a bake and something that can happen to it.
 pub fn at_operations(_: &Ask, tally: &Tally) {
-    let ground = Ground::new(true);
+    each_failed(&Ground::new(true), tally);
+}
+
+/// R4b: the same with a mesh that stays in its file.
+pub fn at_operations_streamed(_: &Ask, tally: &Tally) {
+    each_failed(&Ground::streamed(), tally);
+}
+
+fn each_failed(ground: &Ground, tally: &Tally) {
     let beginnings = ground.beginnings();
     let pairs: Vec<(usize, usize, &str, Mishap)> = beginnings
         .iter()

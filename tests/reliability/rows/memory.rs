@@ -56,7 +56,7 @@ pub fn limits(_: &Ask, tally: &Tally) {
 /// A bake that needs some memory: the Cornell box at 2 %.
 struct Room {
     ground: Ground,
-    files: std::collections::BTreeMap<&'static str, Vec<u8>>,
+    files: std::collections::BTreeMap<String, Vec<u8>>,
     peak: u64,
 }
 

@@ -17,7 +17,15 @@ use crate::ask::Ask;
 
 /// R1: the n-th change is the last, half of it when it writes; then the same again.
 pub fn at_operations(_: &Ask, tally: &Tally) {
-    let ground = Ground::new(true);
+    each_killed(&Ground::new(true), tally);
+}
+
+/// R1b: the same with a mesh that stays in its file.
+pub fn at_operations_streamed(_: &Ask, tally: &Tally) {
+    each_killed(&Ground::streamed(), tally);
+}
+
+fn each_killed(ground: &Ground, tally: &Tally) {
     let beginnings = ground.beginnings();
     let changes = |from: &Beginning| (0..from.kinds.len()).filter(|&at| from.kinds[at].changes()).collect();
     let changes: Vec<Vec<usize>> = beginnings.iter().map(changes).collect();
@@ -41,9 +49,17 @@ pub fn at_operations(_: &Ask, tally: &Tally) {
 
 /// R2: the program is killed again and again until its job is done; then the next job.
 pub fn at_random_times(_: &Ask, tally: &Tally) {
-    let ground = Ground::new(true);
+    killed_until_done(&Ground::new(true), tally);
+}
+
+/// R2b: the same with a mesh that stays in its file.
+pub fn at_random_times_streamed(_: &Ask, tally: &Tally) {
+    killed_until_done(&Ground::streamed(), tally);
+}
+
+fn killed_until_done(ground: &Ground, tally: &Tally) {
     let started = Instant::now();
-    program::run(&mut program::bake(&ground.scene(), &ground.path("timed"), true));
+    program::run(&mut ground.command(&ground.path("timed")));
     let long = started.elapsed();
     let (mut kills, mut bakes) = (0, 0);
     while kills < tally.asked() {
@@ -52,14 +68,14 @@ pub fn at_random_times(_: &Ask, tally: &Tally) {
         while again {
             let share = mix2(kills, bakes) as f64 / u64::MAX as f64;
             let before = Finished::of(&job, ground.digests);
-            let command = &mut program::bake(&ground.scene(), &job, true);
+            let command = &mut ground.command(&job);
             let (said, _) = program::run_and_send(command, long.mul_f64(share), "KILL");
             again = said.code == 137;
             if again {
                 kills += 1;
                 tally.count(1);
             } else {
-                tally.check(&format!("bake {bakes}"), || finished(&ground, &job, &before, &said));
+                tally.check(&format!("bake {bakes}"), || finished(ground, &job, &before, &said));
             }
         }
         bakes += 1;
@@ -125,7 +141,7 @@ pub fn asked_to_stop(_: &Ask, tally: &Tally) {
 /// A bake of some seconds.
 struct Slow {
     scene: PathBuf,
-    files: std::collections::BTreeMap<&'static str, Vec<u8>>,
+    files: std::collections::BTreeMap<String, Vec<u8>>,
     long: Duration,
 }
 

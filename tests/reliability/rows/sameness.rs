@@ -25,7 +25,7 @@ pub fn threads(ask: &Ask, tally: &Tally) {
     for (name, ..) in SCENES {
         copy(name, &folder.path().join(name));
     }
-    let mut firsts: BTreeMap<&str, (BTreeMap<&'static str, Vec<u8>>, Duration)> = BTreeMap::new();
+    let mut firsts: BTreeMap<&str, (BTreeMap<String, Vec<u8>>, Duration)> = BTreeMap::new();
     for ((name, push, release), (threads, interrupted)) in all.into_iter().take(count) {
         let job = folder.path().join(format!("{name}-{threads}-{interrupted}"));
         let error = if ask.release { release } else { push };
