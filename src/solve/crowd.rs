@@ -72,8 +72,8 @@ struct Asked {
 /// The shared rows of some points.
 #[derive(Default)]
 struct Crowd {
-    supports: Vec<Support>,
     index: SupportIndex,
+    /// Rows by their numbers in the index.
     rows: Vec<Shared>,
     /// Mean irradiance of the rows, at least the solution's level.
     level: f32,
@@ -114,13 +114,13 @@ impl Field<'_> {
         let mut crowd = Crowd { level: self.solution.level, ..Crowd::default() };
         let mut radius = FIRST_RADIUS;
         for _ in 0..LEVELS {
-            let fresh = crowd.uncovered(asked, &open, radius);
+            let fresh = crowd.cover(asked, &open, radius);
             if WORTH * fresh.len() > open.len() {
                 break;
             }
             let share = |&k: &usize| self.share(&asked[k]);
             let rows: Vec<Shared> = fresh.par_iter().with_min_len(4).map(share).collect();
-            crowd.add((asked, &fresh), rows, radius);
+            crowd.add(rows, radius);
             let most = self.params.doubt * crowd.level;
             let answer = |&k: &usize| {
                 let fitted = crowd.at(&asked[k].point, radius).filter(|fitted| fitted.error <= most)?;
@@ -194,43 +194,46 @@ impl Shared {
 }
 
 impl Crowd {
-    /// The open points that need a row, so that each is within a radius of one: in their order, as far apart as that.
-    fn uncovered(&self, asked: &[Asked], open: &[usize], radius: f32) -> Vec<usize> {
+    /// Places rows so that each open point is within a radius of one: at those points, in their order, as far apart as that.
+    /// Rows that are there speak for half as far from now on.
+    fn cover(&mut self, asked: &[Asked], open: &[usize], radius: f32) -> Vec<usize> {
         let halved = |s: &Support| Support { radius: 0.5 * s.radius, ..*s };
-        let mut index = SupportIndex::new(&self.supports.iter().map(halved).collect::<Vec<_>>());
+        let halved: Vec<Support> = self.index.supports().iter().map(halved).collect();
+        self.index = SupportIndex::new(&halved);
         let mut fresh = Vec::new();
         for &k in open {
             let Asked { point, spacing, .. } = asked[k];
             let mut covered = false;
-            index.for_each(&point, 1.0, |_, _| covered = true);
+            self.index.for_each(&point, 1.0, |_, _| covered = true);
             if !covered {
-                index.push(Support { point, radius: radius * spacing });
+                self.index.push(Support { point, radius: radius * spacing });
                 fresh.push(k);
             }
         }
         fresh
     }
 
-    /// Takes in the rows of fresh points; those that are there speak for half as far from now on.
-    fn add(&mut self, (asked, fresh): (&[Asked], &[usize]), rows: Vec<Shared>, radius: f32) {
-        self.supports.iter_mut().for_each(|s| s.radius *= 0.5);
-        let support = |&k: &usize| Support { point: asked[k].point, radius: radius * asked[k].spacing };
-        self.supports.extend(fresh.iter().map(support));
+    /// Takes in the rows of the points that [`Crowd::cover`] placed last.
+    fn add(&mut self, rows: Vec<Shared>, radius: f32) {
         if self.rows.is_empty() {
             let sum: f32 = rows.iter().map(|row| mean_channel(row.irradiance)).sum();
             self.level = self.level.max(sum / rows.len().max(1) as f32);
         }
         self.rows.extend(rows);
-        self.index = SupportIndex::new(&self.supports);
         let surplus = |r: usize| {
             let own = self.rows[r].irradiance;
             let unknown = UNTOLD * radius * self.level;
-            let without = self.fitted(&self.supports[r].point, Some(r));
+            let without = self.fitted(&self.point(r), Some(r));
             without.map_or(unknown, |(light, ..)| mean_channel(light - own).abs())
         };
         let surpluses: Vec<f32> =
             (0..self.rows.len()).into_par_iter().with_min_len(64).map(surplus).collect();
         self.rows.iter_mut().zip(surpluses).for_each(|(row, surplus)| row.surplus = surplus);
+    }
+
+    /// Where a row was gathered.
+    fn point(&self, row: usize) -> SurfacePoint {
+        self.index.supports()[row].point
     }
 
     /// Irradiance fitted to the rows around a point but for one, and by which weights; None where they are too few.
@@ -248,16 +251,15 @@ impl Crowd {
             near.select_nth_unstable_by(mls::MOST - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             near.truncate(mls::MOST);
         }
-        near.sort_unstable_by_key(|n| n.1);
         let supports: SmallVec<[Support; mls::MOST]> =
-            near.iter().map(|n| self.supports[n.1 as usize]).collect();
+            near.iter().map(|n| self.index.supports()[n.1 as usize]).collect();
         let fit = mls::fit(at, &supports, Sign::Any);
         if fit.weights.is_empty() {
             return None;
         }
         let value = |(n, w): (&(f32, u32), &f32)| {
             let row = &self.rows[n.1 as usize];
-            (row.irradiance + row.gradient * (at.normal - self.supports[n.1 as usize].point.normal)) * *w
+            (row.irradiance + row.gradient * (at.normal - self.point(n.1 as usize).normal)) * *w
         };
         let light = near.iter().zip(&fit.weights).map(value).sum();
         Some((light, near, fit))
@@ -307,7 +309,7 @@ impl Crowd {
             best = if distance < best.0 { (distance, id as usize) } else { best };
         });
         let (distance, row) = (best.0, self.rows.get(best.1)?);
-        let turned = row.gradient * (point.normal - self.supports[best.1].point.normal);
+        let turned = row.gradient * (point.normal - self.point(best.1).normal);
         let indirect = (row.irradiance + turned).max(Rgb::ZERO);
         // What the turn changes is known to no better than a part of itself.
         let untold = UNTOLD * (radius * distance * self.level + mean_channel(turned).abs());
