@@ -16,7 +16,7 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let job = bake::open(&request.job)?;
     if job.model().details.is_empty() {
         let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
-        let evaluate = |points: &[_]| job.evaluate(points);
+        let evaluate = |points: &[_]| job.evaluate_crowd(points);
         ply::export(&request.output, job.scene(), &evaluate, &|vertices| stage.advance(vertices))?;
         stage.finish();
     } else {
