@@ -12,7 +12,7 @@ use command::{Place, code, stderr, stdout};
 use glowtree::archive::Digest;
 use glowtree::bake::{self, Monitor, Options, Signal};
 use glowtree::geometry::{SurfacePoint, hash};
-use glowtree::output::vertices::VertexField;
+use glowtree::output::vertices;
 use glowtree::scene;
 
 /// A bumpy ball of some 80,000 triangles over a floor that is held, under a sky and a lamp.
@@ -149,8 +149,7 @@ fn the_light_is_that_of_the_mesh_in_memory() {
     let held = Options { error: 0.005, preview: false, ..Options::default() };
     ball.bake("held.glow", &held);
     let held = bake::open(&ball.path("held.glow")).expect("the job");
-    let nothing = |points: &[SurfacePoint]| vec![Default::default(); points.len()];
-    let normals = VertexField::new(&whole, &nothing).normals().to_vec();
+    let normals = vertices::normals(&whole);
     let channels =
         ["r", "g", "b"].map(|c| column(&ball.path("streamed.glow/mesh.ply"), &format!("irradiance_{c}")));
     assert_eq!(channels[0].len(), ((RINGS + 1) * RINGS) as usize);

@@ -10,13 +10,13 @@ use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
 use super::store;
 use super::vertices::{self, Workshop};
-use crate::archive::{Digests, Disk, Ledger, Storage, Tag};
+use crate::archive::{Disk, Ledger, Storage, Tag};
 use crate::bake::model::Model;
 use crate::error::{Error, Result};
 use crate::geometry::{SurfacePoint, morton};
 use crate::light::Rgb;
+use crate::output::normals::{Weight, vertex_normals};
 use crate::output::picture::{Film, Quality, View, frame, png, render};
-use crate::output::vertices::VertexField;
 use crate::output::{Advance, ply};
 use crate::solve::{Field, Irradiance};
 
@@ -41,19 +41,19 @@ const PREVIEW_DOUBT: f32 = 0.1;
 /// Rays of such points: about 0.8 % of noise.
 const PREVIEW_RAYS: u32 = 160;
 
-/// Writes both files into the job directory and says what they took.
+/// Writes both files into the job directory and says what they took. What is on its way to them lies in the storage.
 ///
 /// # Errors
 /// Input/output errors, and the ledger's.
 pub fn write(
-    job: &Path,
+    (storage, job): (&Arc<dyn Storage>, &Path),
     model: &Model,
     (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
 ) -> Result<Vec<StageTime>> {
     let mesh = if model.details.is_empty() {
         held(job, model, (monitor, ledger))?
     } else {
-        streamed(job, model, monitor)?
+        streamed((storage, job), model, (monitor, ledger))?
     };
     let view = view_of(model);
     let [width, height] = view.camera.size;
@@ -102,8 +102,7 @@ const SAMPLED_EDGE: u32 = 3;
 pub fn sample(model: &Model, monitor: &dyn Monitor) -> Result<Vec<(StageTime, f64)>> {
     let scene = &model.scene;
     let stage = Stage::start(monitor, "mesh", "vertices", None);
-    let nothing = |points: &[SurfacePoint]| vec![Irradiance::default(); points.len()];
-    let field = VertexField::new(scene, &nothing);
+    let normals = vertex_normals(scene, Weight::Area);
     let mut order: Vec<(u64, u32)> = (0..)
         .zip(&scene.vertices)
         .map(|(vertex, at)| (morton::code(*at, Vec3::splat(-0.5), 1.0 / 2048.0), vertex))
@@ -115,10 +114,10 @@ pub fn sample(model: &Model, monitor: &dyn Monitor) -> Result<Vec<(StageTime, f6
     for run in runs.step_by(every) {
         let at = |&(_, v): &(u64, u32)| SurfacePoint {
             position: scene.vertices[v as usize],
-            normal: field.normals()[v as usize],
+            normal: normals[v as usize],
         };
         let points: Vec<SurfacePoint> = run.iter().map(at).collect();
-        std::hint::black_box(model.field().evaluate(&points));
+        std::hint::black_box(model.field().evaluate_crowd(&points));
         count += points.len();
         stage.advance(points.len() as u64)?;
     }
@@ -146,10 +145,15 @@ fn held(job: &Path, model: &Model, (monitor, ledger): (&dyn Monitor, &Ledger<'_>
 }
 
 /// The meshes that stay in their files: `mesh.ply` is the first of them, `mesh-2.ply` the second.
-fn streamed(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<StageTime> {
-    let folder = job.join(WORK_FOLDER);
-    std::fs::create_dir_all(&folder).map_err(|e| Error::io(&folder, "making the folder", e))?;
-    stream_to(&job.join(MESH_FILE), (model, store::digests_of(job)?), &folder, monitor)
+fn streamed(
+    (storage, job): (&Arc<dyn Storage>, &Path),
+    model: &Model,
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+) -> Result<StageTime> {
+    let folder = &job.join(WORK_FOLDER);
+    storage.create_directory(folder).map_err(|e| Error::io(folder, "making the folder", e))?;
+    let workshop = Workshop { storage, folder, digests: store::digests_of(job)?, pause: &|| ledger.pause() };
+    stream_to(&job.join(MESH_FILE), model, &workshop, monitor)
 }
 
 /// Writes a job's streamed meshes, the first to `path`, others beside it with a number.
@@ -159,23 +163,24 @@ fn streamed(job: &Path, model: &Model, monitor: &dyn Monitor) -> Result<StageTim
 pub fn write_streamed(job: &Job, path: &Path, monitor: &dyn Monitor) -> Result<StageTime> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let scratch = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder in it", e))?;
-    stream_to(path, (job.model(), store::digests_of(job.directory())?), scratch.path(), monitor)
+    let storage: Arc<dyn Storage> = Arc::new(Disk);
+    let digests = store::digests_of(job.directory())?;
+    let pause = || monitor.check();
+    let workshop = Workshop { storage: &storage, folder: scratch.path(), digests, pause: &pause };
+    stream_to(path, job.model(), &workshop, monitor)
 }
 
 fn stream_to(
     path: &Path,
-    (model, digests): (&Model, Digests),
-    folder: &Path,
+    model: &Model,
+    workshop: &Workshop<'_>,
     monitor: &dyn Monitor,
 ) -> Result<StageTime> {
     let total: u64 = model.details.iter().map(|(_, detail)| detail.vertices()).sum();
     let stage = Stage::start(monitor, "mesh", "vertices", Some(total));
-    let storage: Arc<dyn Storage> = Arc::new(Disk);
-    let pause = || monitor.check();
-    let workshop = Workshop { storage: &storage, folder, digests, pause: &pause };
     for number in 0..model.details.len() {
         let path = if number == 0 { path.to_path_buf() } else { numbered(path, number + 1) };
-        vertices::export((&path, model, number), &workshop, &|done| stage.advance(done))?;
+        vertices::export((&path, model, number), workshop, &|done| stage.advance(done))?;
     }
     Ok(stage.finish())
 }
@@ -198,7 +203,7 @@ type Words = [f32; 8];
 impl Kept<'_> {
     fn evaluate(&self, field: &Field<'_>, points: &[SurfacePoint]) -> Vec<Irradiance> {
         let words = self.ledger.keep(Tag::new("answers"), 0..points.len() as u64, || {
-            Ok(field.evaluate(points).iter().map(to_words).collect::<Vec<Words>>())
+            Ok(field.evaluate_crowd(points).iter().map(to_words).collect::<Vec<Words>>())
         });
         match words {
             Ok(words) => words.iter().map(from_words).collect(),

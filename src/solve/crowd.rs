@@ -10,7 +10,7 @@ use glam::Mat3;
 use rayon::prelude::*;
 use smallvec::SmallVec;
 
-use super::field::{self, BETWEEN, FEWEST, Field, Irradiance};
+use super::field::{self, BETWEEN, FEWEST, Field, First, Irradiance};
 use super::light::RowLight;
 use crate::geometry::SurfacePoint;
 use crate::light::{Rgb, mean_channel};
@@ -19,14 +19,24 @@ use crate::tree::Support;
 use crate::tree::index::{REACH, SupportIndex};
 use crate::tree::mls::{self, Sign};
 
-/// Radius of the first shared rows over the spacing of the site below them.
-const FIRST_RADIUS: f32 = 0.7;
+/// How willingly points share.
+struct Sharing {
+    /// Radius of the first rows over the spacing of the site below them.
+    first: f32,
+    /// Points answer for themselves where a level would need a row for less than so many of them.
+    worth: f32,
+    /// The disagreement of rows that is borne, over that of receivers.
+    tolerance: f32,
+}
+
+/// Of points of full surfaces, which are many.
+const FULL: Sharing = Sharing { first: 0.7, worth: 4.0, tolerance: 1.0 };
+
+/// Of points in memory, which the receivers did not know: fewer, and held to more.
+const HELD: Sharing = Sharing { first: 0.5, worth: 1.5, tolerance: 0.7 };
 
 /// Halvings of that radius at the most.
 const LEVELS: u32 = 4;
-
-/// Points answer for themselves where a level would need a row for less than so many of them.
-const WORTH: usize = 4;
 
 /// Where too few rows are around to tell, light may change by this much of its level over the spacing of sites: by a share of
 /// itself, dark points would speak for lit ones.
@@ -67,13 +77,15 @@ struct Asked {
     spacing: f32,
     /// Whether it lies in a slit or within another body.
     hidden: bool,
+    /// The lamps' light, where it is known.
+    direct: Option<Rgb>,
 }
 
 /// The shared rows of some points.
 #[derive(Default)]
 struct Crowd {
-    supports: Vec<Support>,
     index: SupportIndex,
+    /// Rows by their numbers in the index.
     rows: Vec<Shared>,
     /// Mean irradiance of the rows, at least the solution's level.
     level: f32,
@@ -96,32 +108,69 @@ impl Field<'_> {
     ///
     /// Cost: a short ray and a fit a point, rows by the light's complexity.
     pub fn evaluate_crowd(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
+        if self.problem.around.bvh.near().is_some() { self.of_full(points) } else { self.of_held(points) }
+    }
+
+    /// For points of a full surface, of which the receivers know too little.
+    fn of_full(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
         let asked: Vec<Asked> = points.par_iter().with_min_len(256).map(|p| self.asked(p)).collect();
         let mut answers = vec![Irradiance::default(); points.len()];
         let (placed, alone): (Vec<usize>, Vec<usize>) =
             (0..points.len()).partition(|&k| asked[k].spacing > 0.0);
         // Hidden points do not speak for those beside them, nor those for them.
         let (hidden, free): (Vec<usize>, Vec<usize>) = placed.into_iter().partition(|&k| asked[k].hidden);
-        self.answer_together(&asked, free, &mut answers);
-        self.answer_together(&asked, hidden, &mut answers);
+        for together in [free, hidden] {
+            let left = self.answer_together((&asked, together), &FULL, &mut answers);
+            let light = |&k: &usize| self.complete(&asked[k], &self.share(&asked[k]).alone());
+            let lights: Vec<Irradiance> = left.par_iter().with_min_len(4).map(light).collect();
+            left.into_iter().zip(lights).for_each(|(k, light)| answers[k] = light);
+        }
         let own: Vec<SurfacePoint> = alone.iter().map(|&k| points[k]).collect();
         alone.into_iter().zip(self.evaluate(&own)).for_each(|(k, light)| answers[k] = light);
         answers
     }
 
-    /// Answers for some of the points by rows that they share, level by level.
-    fn answer_together(&self, asked: &[Asked], mut open: Vec<usize>, answers: &mut [Irradiance]) {
+    /// For points of a scene in memory: those that the receivers do not know share rows.
+    fn of_held(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
+        let firsts: Vec<First> = points.par_iter().with_min_len(64).map(|p| self.first(p)).collect();
+        let sites = self.problem.around.sites;
+        let spacing = |first: &First| first.site.map_or(0.0, |site| sites.spacings[site as usize]);
+        let asked = |first: &First| Asked {
+            point: first.set,
+            site: first.site,
+            spacing: spacing(first),
+            hidden: false,
+            direct: Some(first.blended.direct),
+        };
+        let asked: Vec<Asked> = firsts.iter().map(asked).collect();
+        let mut answers: Vec<Irradiance> = firsts.iter().map(|first| first.blended).collect();
+        let doubted = (0..points.len()).filter(|&k| !firsts[k].trusted);
+        let (placed, mut left): (Vec<usize>, Vec<usize>) = doubted.partition(|&k| asked[k].spacing > 0.0);
+        left.extend(self.answer_together((&asked, placed), &HELD, &mut answers));
+        let alone = |&k: &usize| self.alone(&firsts[k]);
+        let lights: Vec<Irradiance> = left.par_iter().with_min_len(4).map(alone).collect();
+        left.into_iter().zip(lights).for_each(|(k, light)| answers[k] = light);
+        answers
+    }
+
+    /// Answers for some of the points by rows that they share, level by level; returns those that it does not pay for.
+    fn answer_together(
+        &self,
+        (asked, mut open): (&[Asked], Vec<usize>),
+        sharing: &Sharing,
+        answers: &mut [Irradiance],
+    ) -> Vec<usize> {
         let mut crowd = Crowd { level: self.solution.level, ..Crowd::default() };
-        let mut radius = FIRST_RADIUS;
+        let mut radius = sharing.first;
         for _ in 0..LEVELS {
-            let fresh = crowd.uncovered(asked, &open, radius);
-            if WORTH * fresh.len() > open.len() {
+            let fresh = crowd.cover(asked, &open, radius);
+            if sharing.worth * fresh.len() as f32 > open.len() as f32 {
                 break;
             }
             let share = |&k: &usize| self.share(&asked[k]);
             let rows: Vec<Shared> = fresh.par_iter().with_min_len(4).map(share).collect();
-            crowd.add((asked, &fresh), rows, radius);
-            let most = self.params.doubt * crowd.level;
+            crowd.add(rows, radius);
+            let most = sharing.tolerance * self.params.doubt * crowd.level;
             let answer = |&k: &usize| {
                 let fitted = crowd.at(&asked[k].point, radius).filter(|fitted| fitted.error <= most)?;
                 Some(self.complete(&asked[k], &fitted))
@@ -137,9 +186,7 @@ impl Field<'_> {
             open = left;
             radius *= 0.5;
         }
-        let light = |&k: &usize| self.complete(&asked[k], &self.share(&asked[k]).alone());
-        let lights: Vec<Irradiance> = open.par_iter().with_min_len(4).map(light).collect();
-        open.into_iter().zip(lights).for_each(|(k, light)| answers[k] = light);
+        open
     }
 
     fn asked(&self, point: &SurfacePoint) -> Asked {
@@ -147,7 +194,7 @@ impl Field<'_> {
         let site = around.site_below(point);
         let spacing = site.map_or(0.0, |site| around.sites.spacings[site.index()]);
         let hidden = around.bvh.is_hidden(point.position, point.normal);
-        Asked { point: *point, site: site.map(|site| site.0), spacing, hidden }
+        Asked { point: *point, site: site.map(|site| site.0), spacing, hidden, direct: None }
     }
 
     /// A point's own row, short, and the share of the lamps' light that arrives.
@@ -155,7 +202,10 @@ impl Field<'_> {
         let rays = (self.params.rays / 2).max(FEWEST_RAYS);
         let (row, _) = self.gather_row(&asked.point, field::key(&asked.point), rays);
         let RowLight { irradiance, gradient, sky_visibility, noise } = row;
-        let open = mean_channel(self.problem.direct.open_at(self.problem.lamps, &asked.point));
+        let open = match asked.direct {
+            Some(_) => 0.0,
+            None => mean_channel(self.problem.direct.open_at(self.problem.lamps, &asked.point)),
+        };
         let arriving = if open > 0.0 {
             let first = self.params.direct.first.max(SHADOW_RAYS);
             let params = DirectParams { first, ..self.params.direct };
@@ -175,9 +225,10 @@ impl Field<'_> {
 
     /// With the lamps' light: as much of it as arrives at the rows around, or looked at where those differ.
     fn complete(&self, asked: &Asked, fitted: &Fitted) -> Irradiance {
-        let direct = match fitted.arriving {
-            Some(share) => self.problem.direct.open_at(self.problem.lamps, &asked.point) * share,
-            None => self.direct(asked, &self.params.direct),
+        let direct = match (asked.direct, fitted.arriving) {
+            (Some(direct), _) => direct,
+            (None, Some(share)) => self.problem.direct.open_at(self.problem.lamps, &asked.point) * share,
+            (None, None) => self.direct(asked, &self.params.direct),
         };
         let Fitted { indirect, sky_visibility, error, .. } = *fitted;
         Irradiance { direct, indirect, sky_visibility, error }
@@ -194,43 +245,46 @@ impl Shared {
 }
 
 impl Crowd {
-    /// The open points that need a row, so that each is within a radius of one: in their order, as far apart as that.
-    fn uncovered(&self, asked: &[Asked], open: &[usize], radius: f32) -> Vec<usize> {
+    /// Places rows so that each open point is within a radius of one: at those points, in their order, as far apart as that.
+    /// Rows that are there speak for half as far from now on.
+    fn cover(&mut self, asked: &[Asked], open: &[usize], radius: f32) -> Vec<usize> {
         let halved = |s: &Support| Support { radius: 0.5 * s.radius, ..*s };
-        let mut index = SupportIndex::new(&self.supports.iter().map(halved).collect::<Vec<_>>());
+        let halved: Vec<Support> = self.index.supports().iter().map(halved).collect();
+        self.index = SupportIndex::new(&halved);
         let mut fresh = Vec::new();
         for &k in open {
             let Asked { point, spacing, .. } = asked[k];
             let mut covered = false;
-            index.for_each(&point, 1.0, |_, _| covered = true);
+            self.index.for_each(&point, 1.0, |_, _| covered = true);
             if !covered {
-                index.push(Support { point, radius: radius * spacing });
+                self.index.push(Support { point, radius: radius * spacing });
                 fresh.push(k);
             }
         }
         fresh
     }
 
-    /// Takes in the rows of fresh points; those that are there speak for half as far from now on.
-    fn add(&mut self, (asked, fresh): (&[Asked], &[usize]), rows: Vec<Shared>, radius: f32) {
-        self.supports.iter_mut().for_each(|s| s.radius *= 0.5);
-        let support = |&k: &usize| Support { point: asked[k].point, radius: radius * asked[k].spacing };
-        self.supports.extend(fresh.iter().map(support));
+    /// Takes in the rows of the points that [`Crowd::cover`] placed last.
+    fn add(&mut self, rows: Vec<Shared>, radius: f32) {
         if self.rows.is_empty() {
             let sum: f32 = rows.iter().map(|row| mean_channel(row.irradiance)).sum();
             self.level = self.level.max(sum / rows.len().max(1) as f32);
         }
         self.rows.extend(rows);
-        self.index = SupportIndex::new(&self.supports);
         let surplus = |r: usize| {
             let own = self.rows[r].irradiance;
             let unknown = UNTOLD * radius * self.level;
-            let without = self.fitted(&self.supports[r].point, Some(r));
+            let without = self.fitted(&self.point(r), Some(r));
             without.map_or(unknown, |(light, ..)| mean_channel(light - own).abs())
         };
         let surpluses: Vec<f32> =
             (0..self.rows.len()).into_par_iter().with_min_len(64).map(surplus).collect();
         self.rows.iter_mut().zip(surpluses).for_each(|(row, surplus)| row.surplus = surplus);
+    }
+
+    /// Where a row was gathered.
+    fn point(&self, row: usize) -> SurfacePoint {
+        self.index.supports()[row].point
     }
 
     /// Irradiance fitted to the rows around a point but for one, and by which weights; None where they are too few.
@@ -248,16 +302,15 @@ impl Crowd {
             near.select_nth_unstable_by(mls::MOST - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
             near.truncate(mls::MOST);
         }
-        near.sort_unstable_by_key(|n| n.1);
         let supports: SmallVec<[Support; mls::MOST]> =
-            near.iter().map(|n| self.supports[n.1 as usize]).collect();
+            near.iter().map(|n| self.index.supports()[n.1 as usize]).collect();
         let fit = mls::fit(at, &supports, Sign::Any);
         if fit.weights.is_empty() {
             return None;
         }
         let value = |(n, w): (&(f32, u32), &f32)| {
             let row = &self.rows[n.1 as usize];
-            (row.irradiance + row.gradient * (at.normal - self.supports[n.1 as usize].point.normal)) * *w
+            (row.irradiance + row.gradient * (at.normal - self.point(n.1 as usize).normal)) * *w
         };
         let light = near.iter().zip(&fit.weights).map(value).sum();
         Some((light, near, fit))
@@ -307,7 +360,7 @@ impl Crowd {
             best = if distance < best.0 { (distance, id as usize) } else { best };
         });
         let (distance, row) = (best.0, self.rows.get(best.1)?);
-        let turned = row.gradient * (point.normal - self.supports[best.1].point.normal);
+        let turned = row.gradient * (point.normal - self.point(best.1).normal);
         let indirect = (row.irradiance + turned).max(Rgb::ZERO);
         // What the turn changes is known to no better than a part of itself.
         let untold = UNTOLD * (radius * distance * self.level + mean_channel(turned).abs());

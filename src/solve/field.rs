@@ -79,6 +79,8 @@ const SAME_TURN: f32 = 0.95;
 pub(super) struct First {
     /// The point.
     pub set: SurfacePoint,
+    /// The site that speaks for it.
+    pub site: Option<u32>,
     /// Receivers around it.
     pub near: SmallVec<[u32; 32]>,
     /// Their answer.
@@ -110,10 +112,12 @@ impl Field<'_> {
 
     fn at(&self, point: &SurfacePoint) -> Irradiance {
         let first = self.first(point);
-        if first.trusted {
-            return first.blended;
-        }
-        let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = self.gather_at(&first);
+        if first.trusted { first.blended } else { self.alone(&first) }
+    }
+
+    /// The answer of a point's own row.
+    pub(super) fn alone(&self, first: &First) -> Irradiance {
+        let RowLight { irradiance: indirect, sky_visibility, noise: error, .. } = self.gather_at(first);
         Irradiance { direct: first.blended.direct, indirect, sky_visibility, error }
     }
 
@@ -145,7 +149,7 @@ impl Field<'_> {
         // Darkness may be a hidden side's, reached through a wall: it is looked into.
         let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
         let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
-        First { set, near, blended, trusted }
+        First { set, site, near, blended, trusted }
     }
 
     fn blend(&self, point: &SurfacePoint, near: &[u32], fit: &Fit, direct: Rgb) -> Irradiance {
@@ -181,7 +185,7 @@ impl Field<'_> {
     }
 
     /// The point's own row, against the solved radiosities.
-    pub(super) fn gather_at(&self, first: &First) -> RowLight {
+    fn gather_at(&self, first: &First) -> RowLight {
         self.gather_row(&first.set, key(&first.set), self.rays_for(&first.near)).0
     }
 

@@ -247,7 +247,11 @@ impl Bake<'_> {
         if self.options.preview && !pictures::present(job) {
             let model = store::read(job, store::Purpose::Answers)?;
             let pause = || self.monitor.check();
-            summary.stages.extend(pictures::write(job, &model, (self.monitor, &Ledger::idle(&pause)))?);
+            summary.stages.extend(pictures::write(
+                (self.storage, job),
+                &model,
+                (self.monitor, &Ledger::idle(&pause)),
+            )?);
             summary.usage = self.meter.usage();
         }
         journal::clear(self.storage, job)?;
@@ -326,7 +330,11 @@ impl Bake<'_> {
         stages.extend(report.stages.iter().cloned());
         stages.push(stage.finish());
         if self.options.preview && !pictures::present(job) {
-            stages.extend(pictures::write(job, &model, (self.monitor, &work.ledger("mesh")?))?);
+            stages.extend(pictures::write(
+                (self.storage, job),
+                &model,
+                (self.monitor, &work.ledger("mesh")?),
+            )?);
         }
         pause()?;
         let summary = Summary {

@@ -1,6 +1,9 @@
 //! `glowtree export JOB -o out.{ply,glb}`
 
-use crate::bake::{self, Job, Meter, Stage};
+use std::path::Path;
+
+use crate::bake::model::Model;
+use crate::bake::{self, Meter, Monitor as _, Stage};
 use crate::cli::arguments::Export;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_count};
@@ -9,6 +12,7 @@ use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::output::file::check_folder;
 use crate::output::{glb, ply};
+use crate::solve::Irradiance;
 
 /// Writes the light of the job per vertex.
 ///
@@ -18,46 +22,53 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
-    let is_glb = request.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    if !is_glb && !job.model().details.is_empty() {
-        bake::pictures::write_streamed(&job, &request.output, console)?;
+    if is_glb(&request.output) || job.model().details.is_empty() {
+        write(job.model(), &request.output, console)?;
     } else {
-        let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
-        let evaluate = |points: &[SurfacePoint]| answer(&job, points);
-        let advance = |vertices| stage.advance(vertices);
-        if is_glb {
-            note_proxies(&job, console);
-            glb::export(&request.output, job.scene(), &evaluate, &advance)?;
-        } else {
-            ply::export(&request.output, job.scene(), &evaluate, &advance)?;
-        }
-        stage.finish();
-        job.sound()?;
+        bake::pictures::write_streamed(&job, &request.output, console)?;
     }
     let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
 }
 
+/// Whether that is the ending of a viewer's file, which holds what memory holds.
+pub fn is_glb(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"))
+}
+
+/// Writes the light of a scene that is in memory, per vertex; of meshes that stay in their files that of their proxies.
+///
+/// # Errors
+/// Those of [`ply::export`] and [`glb::export`], and interruptions.
+pub fn write(model: &Model, output: &Path, console: &Console) -> Result<()> {
+    let scene = &model.scene;
+    let stage = Stage::start(console, "mesh", "vertices", Some(scene.vertices.len() as u64));
+    let evaluate = |points: &[SurfacePoint]| answer(model, points);
+    let advance = |vertices| stage.advance(vertices);
+    if is_glb(output) {
+        note_proxies(model, console);
+        glb::export(output, scene, &evaluate, &advance)?;
+    } else {
+        ply::export(output, scene, &evaluate, &advance)?;
+    }
+    stage.finish();
+    model.bvh.sound()
+}
+
 /// Light at vertices; those of proxies lie beside the surface and are set onto it first.
-fn answer(job: &Job, points: &[SurfacePoint]) -> Vec<crate::solve::Irradiance> {
-    let model = job.model();
+fn answer(model: &Model, points: &[SurfacePoint]) -> Vec<Irradiance> {
     if model.details.is_empty() {
-        return job.evaluate(points);
+        return model.field().evaluate_crowd(points);
     }
     let set: Vec<SurfacePoint> = points.iter().map(|point| model.around().footing(point).1).collect();
     model.field().evaluate_crowd(&set)
 }
 
-/// A viewer's file holds what memory holds.
-fn note_proxies(job: &Job, console: &Console) {
-    use crate::bake::Monitor as _;
-    for (mesh, detail) in &job.model().details {
-        let proxy = &job.scene().meshes[*mesh];
-        let counts = [proxy.triangles.len() as u64, detail.triangles()].map(show_count);
-        console.note(&format!(
-            "{}: its proxy of {} triangles of {}; .ply has all",
-            proxy.name, counts[0], counts[1]
-        ));
+fn note_proxies(model: &Model, console: &Console) {
+    for (mesh, detail) in &model.details {
+        let proxy = &model.scene.meshes[*mesh];
+        let [held, all] = [proxy.triangles.len() as u64, detail.triangles()].map(show_count);
+        console.note(&format!("{}: its proxy of {held} triangles, not all {all}; .ply has all", proxy.name));
     }
 }

@@ -15,7 +15,7 @@ use crate::output::vertices::{VertexField, VertexLight};
 use crate::output::{Advance, Evaluate};
 use crate::scene::Scene;
 
-/// Vertices evaluated at a time: up to a second of work where all of them gather.
+/// Vertices written at a time.
 const BATCH: usize = 1 << 12;
 
 /// Writes the light of every vertex to `path` as binary little-endian PLY.
@@ -31,8 +31,9 @@ pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Adv
     if scene.meshes.iter().any(|mesh| is_same(&mesh.file, path)) {
         return Err(Error::Usage(format!("{}: would overwrite the scene's own mesh", path.display())));
     }
-    let field = VertexField::new(scene, evaluate);
-    let work = Work { exposure: field.exposure(), lights: &field, advance };
+    let field = VertexField::new(scene, evaluate, advance)?;
+    let counted = |_| advance(0);
+    let work = Work { exposure: field.exposure(), lights: &field, advance: &counted };
     match &scene.meshes[..] {
         [mesh] if mesh.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) => {
             rewrite::write(path, &mesh.file, &work)
