@@ -6,6 +6,7 @@ pub mod model;
 pub mod options;
 pub mod pictures;
 pub mod pipeline;
+pub mod relight;
 pub mod report;
 pub mod store;
 pub mod validate;
@@ -15,6 +16,7 @@ pub mod work;
 
 pub use job::{Job, open, run, run_in};
 pub use options::Options;
+pub use relight::{Lighting, RelightParams, RelightReport, Relighter};
 pub use report::progress::{Monitor, Signal, Silent, Stage};
 pub use report::summary::{StageTime, Summary};
 pub use report::usage;

@@ -107,7 +107,11 @@ pub fn write_streamed(job: &Job, path: &Path, monitor: &dyn Monitor) -> Result<S
     stream_to(path, (job.model(), store::digests_of(job.directory())?), scratch.path(), monitor)
 }
 
-fn stream_to(
+/// Writes a model's streamed meshes, the first to `path`, others beside it with a number; `folder` keeps answers on their way.
+///
+/// # Errors
+/// Those of [`vertices::export`].
+pub fn stream_to(
     path: &Path,
     (model, digests): (&Model, Digests),
     folder: &Path,

@@ -1,5 +1,8 @@
 //! `glowtree export JOB -o out.ply`
 
+use std::path::Path;
+
+use crate::bake::model::Model;
 use crate::bake::{self, Meter, Stage};
 use crate::cli::arguments::Export;
 use crate::cli::console::Console;
@@ -15,14 +18,24 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
     if job.model().details.is_empty() {
-        let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
-        let evaluate = |points: &[_]| job.evaluate(points);
-        ply::export(&request.output, job.scene(), &evaluate, &|vertices| stage.advance(vertices))?;
-        stage.finish();
+        write(job.model(), &request.output, console)?;
     } else {
         bake::pictures::write_streamed(&job, &request.output, console)?;
     }
     let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
+}
+
+/// Writes the light of a scene that is in memory, per vertex.
+///
+/// # Errors
+/// Those of [`ply::export`], and interruptions.
+pub fn write(model: &Model, output: &Path, console: &Console) -> Result<()> {
+    let (scene, field) = (&model.scene, model.field());
+    let stage = Stage::start(console, "mesh", "vertices", Some(scene.vertices.len() as u64));
+    let evaluate = |points: &[_]| field.evaluate(points);
+    ply::export(output, scene, &evaluate, &|vertices| stage.advance(vertices))?;
+    stage.finish();
+    Ok(())
 }
