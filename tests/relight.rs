@@ -106,7 +106,9 @@ fn as_baked(scene: (&str, &str), error: f64, changes: &[&str], edits: &[(&str, &
     let sites = &fresh.model().sites;
     let points: Vec<SurfacePoint> =
         (0..sites.len()).step_by(sites.len().div_ceil(2000)).map(|s| sites.point(SiteId(s as u32))).collect();
-    let light = |all: &[glowtree::solve::Irradiance]| all.iter().map(|l| l.total()).collect::<Vec<Rgb>>();
+    let light = |all: &[glowtree::solve::Irradiance]| {
+        all.iter().map(glowtree::solve::Irradiance::total).collect::<Vec<Rgb>>()
+    };
     let relit = light(&relighter.evaluate(&points));
     let offs =
         [kept.evaluate(&points), fresh.evaluate(&points)].map(|truth| relative(&relit, &light(&truth)));

@@ -1,11 +1,13 @@
 //! Other lights and other albedos for a finished job, without new rows.
 
+mod change;
 mod lighting;
 mod mixture;
+mod origins;
 mod relink;
 
 use std::path::Path;
-use std::sync::{Arc, OnceLock};
+use std::sync::OnceLock;
 
 use super::job::{OPTIONS_FILE, read_side};
 use super::laws::Plan;
@@ -13,23 +15,21 @@ use super::model::Model;
 use super::options::Options;
 use super::pipeline::leaf_order;
 use super::store::{self, Purpose};
-use crate::archive::{Ledger, Pause};
+use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::light::{Rgb, mean_channel};
-use crate::links::lamps::tree::MOST_APART;
 use crate::links::lamps::{self, Lamp, Shape};
 use crate::scatter::surface::Surface;
-use crate::scene::{LampKind, Scene, Sky, Texture};
+use crate::scene::{Scene, Sky};
 use crate::sites::{Samples, Sites};
 use crate::solve::relight::{Column, Source, TogetherParams, solve_together, superpose};
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
-use lighting::{strength, with_strength};
 use mixture::Mixture;
-use relink::{Wanted, relink};
+use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
 
 /// Columns err by this much of themselves at most, so that sums of them are exact to 1e-5.
 const COLUMN_ERROR: f64 = 1.0e-6;
@@ -66,14 +66,6 @@ pub struct RelightReport {
     pub rays: u64,
     /// What the answer does not know.
     pub warnings: Vec<String>,
-}
-
-/// A light of the scene.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Origin {
-    Mesh(usize),
-    Lamp(usize),
-    Sky,
 }
 
 /// A baked scene whose lights and albedos change: it holds the operator, starts from the light of before, and adds up the
@@ -380,114 +372,9 @@ impl Relighter {
         Some(unit.untinted(self.baked.sky.as_ref().unwrap_or(&Sky::Constant(Rgb::ONE)), self.baked.up))
     }
 
-    /// Splits the sky anew where it is another than before.
-    fn turn_sky(&mut self, before: &Lighting) {
-        let shape = |light: &Lighting| light.sky.map(|sky| (sky.constant.is_some(), sky.rotate_degrees));
-        if shape(before) == shape(&self.now) {
-            return;
-        }
-        let split = self.unit_sky(&self.now).map(|sky| sky.split());
-        let (rest, bright) = split.map_or((None, None), |(rest, bright)| (Some(rest), bright));
-        let lamp = |bright| Lamp { name: "sky".into(), strength: Rgb::ONE, shape: Shape::Sky(bright) };
-        self.sky = (rest, bright.map(lamp));
-        self.forget(Origin::Sky);
-        let skies = |k: &usize| matches!(self.model.lamps[*k].shape, Shape::Sky(_));
-        (0..self.linked.len())
-            .filter(skies)
-            .collect::<Vec<_>>()
-            .into_iter()
-            .for_each(|k| self.linked[k] = false);
-    }
-
     fn forget(&mut self, origin: Origin) {
         self.columns.retain(|(own, _)| *own != origin);
         self.stale.retain(|(own, _)| *own != origin);
-    }
-
-    /// Makes links to lamps that have none.
-    fn link(&mut self, before: &Lighting, report: &mut RelightReport, pause: Pause<'_>) -> Result<()> {
-        for k in 0..self.now.lamps.len() {
-            let shape = |kind: &LampKind| with_strength(kind, Rgb::ZERO);
-            if shape(&before.lamps[k]) != shape(&self.now.lamps[k]) {
-                self.forget(Origin::Lamp(k));
-                for lamp in 0..self.linked.len() {
-                    self.linked[lamp] &= origin_of(&self.model.lamps, lamp) != Origin::Lamp(k);
-                }
-            }
-        }
-        self.warn_of_new(report);
-        let wanted = self.wanted(report);
-        if !wanted.iter().any(Wanted::is_new) {
-            return Ok(());
-        }
-        let (sites, samples) = self.settled();
-        let ledger = Ledger::idle(pause);
-        let (rays, linked) = relink(&mut self.model, wanted, (&sites, &samples), &ledger)?;
-        (report.rays, self.linked) = (rays, linked);
-        Ok(())
-    }
-
-    fn warn_of_new(&self, report: &mut RelightReport) {
-        let fresh = |o: &Origin| is_lit(&self.now, *o) && !is_lit(&self.baked_lighting, *o);
-        for origin in self.origins().into_iter().filter(fresh) {
-            let name = match origin {
-                Origin::Mesh(k) => &self.baked.meshes[k].name,
-                Origin::Lamp(k) => &self.baked.lamps[k].name,
-                Origin::Sky => "sky",
-            };
-            report.warnings.push(format!(
-                "{name} gave no light when baked: sites lie where the light of then asked for them; bake with it lit for the error \
-                 target to hold"
-            ));
-        }
-        if self.model.lamps.len() > MOST_APART && self.now != self.baked_lighting {
-            report.warnings.push(format!(
-                "more than {MOST_APART} lamps are seen as clusters: lamps of one cluster share what they are seen of"
-            ));
-        }
-    }
-
-    /// The lamps of the lighting now. Meshes that did not emit become lamps or are met by rows, as a bake would have it.
-    fn wanted(&mut self, report: &mut RelightReport) -> Vec<Wanted> {
-        let is_lamp =
-            |m: usize| (0..self.linked.len()).any(|k| origin_of(&self.model.lamps, k) == Origin::Mesh(m));
-        let fresh: Vec<usize> = (0..self.now.meshes.len())
-            .filter(|&m| is_lit(&self.now, Origin::Mesh(m)) && !self.glowing[m] && !is_lamp(m))
-            .collect();
-        let mut new_emitters = Vec::new();
-        if !fresh.is_empty() {
-            self.show_meshes();
-            let (lamps, glowing) = lamps::split(&self.model.scene);
-            let own = |lamp: &Lamp| matches!(&lamp.shape, Shape::Emitter(e) if fresh.contains(&e.mesh));
-            new_emitters.extend(lamps.into_iter().filter(own));
-            for &m in fresh.iter().filter(|&&m| glowing[m]) {
-                self.glowing[m] = true;
-                let name = &self.baked.meshes[m].name;
-                report.warnings.push(format!("{name} is large: its light is met by rows, not aimed for"));
-            }
-        }
-        let mut wanted: Vec<Wanted> = Vec::new();
-        for (k, lamp) in self.model.lamps.iter().enumerate() {
-            let shape = match &lamp.shape {
-                Shape::Sky(_) => continue,
-                Shape::Punctual(_) => {
-                    let Origin::Lamp(own) = origin_of(&self.model.lamps, k) else { continue };
-                    Shape::Punctual(self.now.lamps[own])
-                }
-                Shape::Emitter(emitter) => Shape::Emitter(emitter.clone()),
-            };
-            let strength = lamp_strength(&self.now, origin_of(&self.model.lamps, k));
-            let lamp = Lamp { strength, shape, name: lamp.name.clone() };
-            wanted.push(Wanted { lamp, known: Some(k).filter(|&k| self.linked[k]) });
-        }
-        wanted.extend(new_emitters.into_iter().map(|lamp| Wanted { lamp, known: None }));
-        if let Some(bright) = &self.sky.1 {
-            let strength = tint(&self.now, Origin::Sky);
-            let known = (0..self.linked.len())
-                .find(|&k| self.linked[k] && matches!(self.model.lamps[k].shape, Shape::Sky(_)));
-            wanted.push(Wanted { lamp: Lamp { strength, ..bright.clone() }, known });
-        }
-        wanted
     }
 
     fn settled(&self) -> (Sites, Samples) {
@@ -550,56 +437,5 @@ impl Relighter {
             self.glow = glow;
         }
         self.synced = true;
-    }
-}
-
-/// Which light of the scene a lamp is.
-fn origin_of(lamps: &[Lamp], lamp: usize) -> Origin {
-    match &lamps[lamp].shape {
-        Shape::Emitter(emitter) => Origin::Mesh(emitter.mesh),
-        Shape::Sky(_) => Origin::Sky,
-        Shape::Punctual(_) => {
-            let before = lamps[..lamp].iter().filter(|lamp| matches!(lamp.shape, Shape::Punctual(_)));
-            Origin::Lamp(before.count())
-        }
-    }
-}
-
-/// What multiplies a light's unit.
-fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
-    match origin {
-        Origin::Mesh(k) => lighting.meshes[k].radiance,
-        Origin::Lamp(k) => strength(&lighting.lamps[k]),
-        Origin::Sky => lighting.sky.map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE)),
-    }
-}
-
-/// The strength of the lamp that a light is: exitance of a mesh.
-fn lamp_strength(lighting: &Lighting, origin: Origin) -> Rgb {
-    let unit = if matches!(origin, Origin::Mesh(_)) { std::f32::consts::PI } else { 1.0 };
-    tint(lighting, origin) * unit
-}
-
-/// Per mesh the exitance that rows meet.
-fn glow(lighting: &Lighting, glowing: &[bool]) -> Vec<Rgb> {
-    let exitance = |(mesh, glows): (&MeshLight, &bool)| {
-        if *glows { mesh.radiance * std::f32::consts::PI } else { Rgb::ZERO }
-    };
-    lighting.meshes.iter().zip(glowing).map(exitance).collect()
-}
-
-fn is_lit(lighting: &Lighting, origin: Origin) -> bool {
-    tint(lighting, origin).max_element() > 0.0
-}
-
-/// A sky times a colour.
-fn tinted(sky: &Sky, by: Rgb) -> Sky {
-    match sky {
-        _ if by == Rgb::ONE => sky.clone(),
-        Sky::Constant(radiance) => Sky::Constant(*radiance * by),
-        Sky::Image { image, to_image } => {
-            let pixels = image.pixels.iter().map(|pixel| *pixel * by).collect();
-            Sky::Image { image: Arc::new(Texture { pixels, ..**image }), to_image: *to_image }
-        }
     }
 }

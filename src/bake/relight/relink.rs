@@ -40,7 +40,7 @@ impl Wanted {
 /// What `ledger` says.
 pub(super) fn relink(
     model: &mut Model,
-    wanted: Vec<Wanted>,
+    wanted: &[Wanted],
     (sites, samples): (&Sites, &Samples),
     ledger: &Ledger<'_>,
 ) -> Result<(u64, Vec<bool>)> {
