@@ -139,6 +139,12 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["export", "job", "-o", "out.ply"], 0);
     held(&place, &["render", "job", "-o", "out.png"], 0);
     held(&place, &["render", "job", "--camera", "front", "-o", "out.exr"], 0);
+    let points = ["relight", "job", "--set", "lamp.scale=2", "--points", "points.csv", "-o", "relit.csv"];
+    let relit = held(&place, &points, 0).pop().unwrap();
+    assert_eq!((relit["points"].as_u64(), relit["rays"].as_u64()), (Some(2), Some(0)), "{relit}");
+    held(&place, &["relight", "job", "--set", "sky.radiance=0.5", "-o", "relit.ply"], 0);
+    held(&place, &["relight", "job", "--set", "corner.albedo=0.2,0.3,0.4", "-o", "relit.png"], 0);
+    held(&place, &["relight", "job", "--set", "corner.albdo=0.2", "-o", "relit.ply"], 2);
     let ladder =
         ["chart", "scene.toml", "-o", "charts", "--errors", "50%", "--spp", "16", "--reference-spp", "16"];
     held(&place, &ladder, 0);

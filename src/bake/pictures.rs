@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use glam::Vec3;
 
-use super::job::{Job, WORK_FOLDER};
+use super::job::WORK_FOLDER;
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
 use super::store;
@@ -156,18 +156,23 @@ fn streamed(
     stream_to(&job.join(MESH_FILE), model, &workshop, monitor)
 }
 
-/// Writes a job's streamed meshes, the first to `path`, others beside it with a number.
+/// Writes the streamed meshes of a job's model, the first to `path`, others beside it with a number. The model's light may be
+/// another than the job's.
 ///
 /// # Errors
 /// Those of [`vertices::export`].
-pub fn write_streamed(job: &Job, path: &Path, monitor: &dyn Monitor) -> Result<StageTime> {
+pub fn write_streamed(
+    path: &Path,
+    (job, model): (&Path, &Model),
+    monitor: &dyn Monitor,
+) -> Result<StageTime> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let scratch = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder in it", e))?;
     let storage: Arc<dyn Storage> = Arc::new(Disk);
-    let digests = store::digests_of(job.directory())?;
+    let digests = store::digests_of(job)?;
     let pause = || monitor.check();
     let workshop = Workshop { storage: &storage, folder: scratch.path(), digests, pause: &pause };
-    stream_to(path, job.model(), &workshop, monitor)
+    stream_to(path, model, &workshop, monitor)
 }
 
 fn stream_to(

@@ -83,6 +83,8 @@ pub enum Verb {
     Export(Export),
     /// Make an image of a job from a camera
     Render(Render),
+    /// Answer with other lights and albedos from a job, without new rows
+    Relight(Relight),
     /// Show what a job holds: counts, bytes, timings, and pictures of it with --plot
     Inspect(Inspect),
     /// Recompute every checksum and invariant of a job; name what is damaged, and make it anew with --repair
@@ -209,6 +211,34 @@ pub struct Render {
     /// Image to write: .exr with layers, or .png
     #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["exr", "png"]))]
     pub output: PathBuf,
+}
+
+/// `relight JOB --set NAME.KEY=VALUE`
+#[derive(Debug, Args)]
+pub struct Relight {
+    /// A baked job directory; it is not changed
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// Change a light or an albedo: NAME.radiance and NAME.albedo of a mesh, NAME.irradiance or NAME.intensity of a lamp,
+    /// NAME.position, NAME.direction, sky.radiance, sky.rotate; NAME.scale=0 switches off. Repeat for several.
+    #[arg(
+        long,
+        value_name = "NAME.KEY=VALUE",
+        help = "Change a light or an albedo, as lamp.radiance=17,12,4; repeat for several",
+        long_help = "Change a light or an albedo. Keys of meshes: radiance, albedo; of suns: irradiance, direction; of points \
+            and spots: intensity, position, direction; of the sky: radiance, rotate (degrees); of all that gives light: scale, 0 \
+            is off. Colours are R,G,B or one number. Repeat for several; later ones see what earlier ones changed."
+    )]
+    pub set: Vec<String>,
+    /// Answer for the points of this table, as probe does
+    #[arg(long, value_name = "CSV")]
+    pub points: Option<PathBuf>,
+    /// The scene's camera of this name, for images [default: its first, or one that shows the whole scene]
+    #[arg(long, value_name = "NAME", conflicts_with = "points")]
+    pub camera: Option<String>,
+    /// File to write: .ply, .glb, .png or .exr; .csv with --points
+    #[arg(short, long, value_name = "FILE", required_unless_present = "points")]
+    pub output: Option<PathBuf>,
 }
 
 /// `inspect JOB`

@@ -209,6 +209,11 @@ impl Bvh {
         (self, near)
     }
 
+    /// Puts what answers near rays' origins in the place of what did, and gives that back.
+    pub fn swap_near(&mut self, near: Option<Arc<Near>>) -> Option<Arc<Near>> {
+        std::mem::replace(&mut self.near, near)
+    }
+
     /// What answers near rays' origins, if that is more than this hierarchy.
     pub fn near(&self) -> Option<&Near> {
         self.near.as_deref()

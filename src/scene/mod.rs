@@ -120,7 +120,7 @@ pub struct Lamp {
 }
 
 /// The kinds of punctual light.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum LampKind {
     /// Parallel light travelling along `direction` (unit).
     Sun {
@@ -285,6 +285,12 @@ fn extension(path: &Path) -> String {
 /// The file's name without its extension.
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(|| "mesh".to_string(), |stem| stem.to_string_lossy().into_owned())
+}
+
+/// The known word that is nearest to one that is not, if any is near.
+pub fn nearest_word<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let distance = |known: &&str| toml::edit_distance(word, known);
+    known.into_iter().min_by_key(distance).filter(|near| distance(near) <= 1 + near.len() / 3)
 }
 
 /// "lamp", "lamp2", "lamp3", …

@@ -100,10 +100,10 @@ fn neumann<E>(
 
 /// Residuals below this share of the solution are rounding: x = b + K·x in f32, sums of a few hundred terms. Without it
 /// a furnace at ρ = 0.99, where x is a hundred times b, asked for 3e-6 of b and went round 2,000 times.
-const ROUNDING: f32 = 8.0 * f32::EPSILON;
+pub(super) const ROUNDING: f32 = 8.0 * f32::EPSILON;
 
 /// Directions kept before a restart; 60 cover ρ = 0.99 without one.
-const KRYLOV: usize = 60;
+pub(super) const KRYLOV: usize = 60;
 
 fn gmres<E>(
     apply: impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>,
@@ -141,7 +141,7 @@ fn gmres<E>(
 }
 
 /// One GMRES cycle for three channels at once: an Arnoldi basis each, QR by Givens rotations.
-struct Cycle {
+pub(super) struct Cycle {
     basis: Vec<Vec<Rgb>>,
     /// Per channel the columns of the rotated Hessenberg matrix.
     columns: [Vec<Vec<f64>>; 3],
@@ -150,7 +150,7 @@ struct Cycle {
 }
 
 impl Cycle {
-    fn new(mut residual: Vec<Rgb>) -> Self {
+    pub(super) fn new(mut residual: Vec<Rgb>) -> Self {
         let norm = norms(&residual);
         divide(&mut residual, norm);
         Self {
@@ -161,19 +161,29 @@ impl Cycle {
         }
     }
 
-    fn steps(&self) -> usize {
+    pub(super) fn steps(&self) -> usize {
         self.columns[0].len()
     }
 
-    fn residuals(&self) -> [f64; 3] {
+    pub(super) fn residuals(&self) -> [f64; 3] {
         std::array::from_fn(|c| self.right[c][self.steps()].abs())
     }
 
     fn step<E>(&mut self, apply: &impl Fn(&[Rgb]) -> Result<Vec<Rgb>, E>) -> Result<(), E> {
+        let image = apply(self.last())?;
+        self.take(&image);
+        Ok(())
+    }
+
+    /// The direction whose image is wanted next.
+    pub(super) fn last(&self) -> &[Rgb] {
+        &self.basis[self.steps()]
+    }
+
+    /// Takes in the image of [`Cycle::last`].
+    pub(super) fn take(&mut self, image: &[Rgb]) {
         let k = self.steps();
-        let last = &self.basis[k];
-        let image = apply(last)?;
-        let mut w: Vec<Rgb> = last.iter().zip(&image).map(|(v, kv)| *v - *kv).collect();
+        let mut w: Vec<Rgb> = self.basis[k].iter().zip(image).map(|(v, kv)| *v - *kv).collect();
         let mut h: [Vec<f64>; 3] = Default::default();
         for v in &self.basis {
             let d = dots(&w, v);
@@ -199,11 +209,10 @@ impl Cycle {
             self.rotations[c].push((cos, sin));
             self.columns[c].push(column);
         }
-        Ok(())
     }
 
     /// Adds the least-squares combination of the basis to `x`.
-    fn correct(&self, x: &mut [Rgb]) {
+    pub(super) fn correct(&self, x: &mut [Rgb]) {
         let k = self.steps();
         let mut y = [vec![0.0; k], vec![0.0; k], vec![0.0; k]];
         for (c, y) in y.iter_mut().enumerate() {
@@ -232,17 +241,17 @@ fn dots(a: &[Rgb], b: &[Rgb]) -> [f64; 3] {
 }
 
 /// The largest value of any channel.
-fn largest(a: &[Rgb]) -> f64 {
+pub(super) fn largest(a: &[Rgb]) -> f64 {
     a.iter().fold(0.0, |m, v| f64::from(v.abs().max_element()).max(m))
 }
 
 /// A residual as an error: the series 1 + ρ + ρ² + …
-fn amplified(residual: f64, params: &IterateParams) -> f64 {
+pub(super) fn amplified(residual: f64, params: &IterateParams) -> f64 {
     let gap = 1.0 - f64::from(params.largest_albedo);
     if gap > 0.0 { residual / gap } else { f64::INFINITY }
 }
 
-fn norms(a: &[Rgb]) -> [f64; 3] {
+pub(super) fn norms(a: &[Rgb]) -> [f64; 3] {
     dots(a, a).map(f64::sqrt)
 }
 
@@ -253,7 +262,7 @@ fn divide(v: &mut [Rgb], norm: [f64; 3]) {
 }
 
 /// The largest channel's ratio; a channel without light counts as solved.
-fn relative(norm: [f64; 3], scale: [f64; 3]) -> f64 {
+pub(super) fn relative(norm: [f64; 3], scale: [f64; 3]) -> f64 {
     (0..3).map(|c| if scale[c] > 0.0 { norm[c] / scale[c] } else { 0.0 }).fold(0.0, f64::max)
 }
 

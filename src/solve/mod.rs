@@ -5,6 +5,7 @@ pub mod field;
 mod gather;
 pub mod iterate;
 pub mod light;
+pub mod relight;
 pub mod surplus;
 pub mod transport;
 
@@ -99,9 +100,15 @@ impl Problem<'_> {
         first.iter_mut().zip(&sky).for_each(|(f, s)| *f += *s);
         let (irradiance, report) =
             iterate::try_solve(|x| gather(&transport.pull(&transport.push(x), None)), &first, params)?;
-        let irradiance: Vec<Rgb> = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
+        let irradiance = irradiance.into_iter().map(|h| h.max(Rgb::ZERO)).collect();
+        Ok((self.complete(irradiance, &own), report))
+    }
+
+    /// Everything that answers need, from the irradiance at receivers and the sites' radiosity before any interreflection.
+    fn complete(&self, irradiance: Vec<Rgb>, own: &[Rgb]) -> Solution {
+        let transport = self.transport();
         let irradiance_at_sites = transport.push(&irradiance);
-        let radiosity = transport.pull(&irradiance_at_sites, Some(&own));
+        let radiosity = transport.pull(&irradiance_at_sites, Some(own));
         let mut solution = Solution { radiosity, ..Solution::default() };
         solution.level = self.level(&irradiance_at_sites);
         for (light, irradiance) in
@@ -110,7 +117,7 @@ impl Problem<'_> {
             solution.add(RowLight { irradiance, ..light });
         }
         solution.surplus = self.surplus(&solution);
-        Ok((solution, report))
+        solution
     }
 
     /// Radiosity of the sites before any interreflection: glow, and the lamps' light reflected once.

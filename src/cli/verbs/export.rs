@@ -22,26 +22,25 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
-    if is_glb(&request.output) || job.model().details.is_empty() {
-        write(job.model(), &request.output, console)?;
-    } else {
-        bake::pictures::write_streamed(&job, &request.output, console)?;
-    }
+    write((&request.job, job.model()), &request.output, console)?;
     let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
 }
 
 /// Whether that is the ending of a viewer's file, which holds what memory holds.
-pub fn is_glb(path: &Path) -> bool {
+fn is_glb(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"))
 }
 
-/// Writes the light of a scene that is in memory, per vertex; of meshes that stay in their files that of their proxies.
+/// Writes a light of a job per vertex; for viewers, of meshes that stay in their files that of their proxies.
 ///
 /// # Errors
-/// Those of [`ply::export`] and [`glb::export`], and interruptions.
-pub fn write(model: &Model, output: &Path, console: &Console) -> Result<()> {
+/// Those of [`ply::export`], [`glb::export`] and [`bake::pictures::write_streamed`], and interruptions.
+pub fn write((job, model): (&Path, &Model), output: &Path, console: &Console) -> Result<()> {
+    if !is_glb(output) && !model.details.is_empty() {
+        return bake::pictures::write_streamed(output, (job, model), console).map(drop);
+    }
     let scene = &model.scene;
     let stage = Stage::start(console, "mesh", "vertices", Some(scene.vertices.len() as u64));
     let evaluate = |points: &[SurfacePoint]| answer(model, points);

@@ -6,6 +6,7 @@ pub mod export;
 pub mod inspect;
 pub mod packaging;
 pub mod points;
+pub mod relight;
 pub mod render;
 pub mod verify;
 

@@ -1,5 +1,8 @@
 //! `glowtree render JOB -o out.png`
 
+use std::path::Path;
+
+use crate::bake::model::Model;
 use crate::bake::{self, Meter, Stage};
 use crate::cli::arguments::Render;
 use crate::cli::console::Console;
@@ -17,21 +20,7 @@ pub fn run(request: &Render, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
-    let view = View::choose(job.scene(), job.bvh(), request.camera.as_deref(), DEFAULT_SIZE)?;
-    let [width, height] = view.camera.size;
-    let stage = Stage::start(console, "picture", "pixels", Some(u64::from(width) * u64::from(height)));
-    let evaluate = |points: &[_]| job.evaluate(points);
-    let shot = (&view, Quality::FINE);
-    let film = render(job.scene(), job.bvh(), &evaluate, shot, &|pixels| stage.advance(pixels))?;
-    job.sound()?;
-    if request.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        let exposure = film.exposure();
-        console.remark(&format!("exposure {exposure}"));
-        png::write(&request.output, &film, exposure)?;
-    } else {
-        layers::write(&request.output, &film)?;
-    }
-    stage.finish();
+    let [width, height] = shoot(job.model(), request.camera.as_deref(), &request.output, console)?;
     let written = Written::file(&request.output, &meter);
     console.result(&format!(
         "{}: {width} × {height}, {}\n",
@@ -39,4 +28,28 @@ pub fn run(request: &Render, console: &Console) -> Result<()> {
         show_bytes(written.written_bytes)
     ))?;
     console.summary("render", &written)
+}
+
+/// Writes an image of a model; gives its width and height.
+///
+/// # Errors
+/// [`Error::Usage`](crate::Error::Usage) when there is no such camera, input/output errors, interruptions.
+pub fn shoot(model: &Model, camera: Option<&str>, output: &Path, console: &Console) -> Result<[u32; 2]> {
+    let field = model.field();
+    let view = View::choose(&model.scene, &model.bvh, camera, DEFAULT_SIZE)?;
+    let [width, height] = view.camera.size;
+    let stage = Stage::start(console, "picture", "pixels", Some(u64::from(width) * u64::from(height)));
+    let evaluate = |points: &[_]| field.evaluate(points);
+    let shot = (&view, Quality::FINE);
+    let film = render(&model.scene, &model.bvh, &evaluate, shot, &|pixels| stage.advance(pixels))?;
+    model.bvh.sound()?;
+    if output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        let exposure = film.exposure();
+        console.remark(&format!("exposure {exposure}"));
+        png::write(output, &film, exposure)?;
+    } else {
+        layers::write(output, &film)?;
+    }
+    stage.finish();
+    Ok([width, height])
 }

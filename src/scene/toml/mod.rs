@@ -13,6 +13,8 @@
 mod lights;
 mod values;
 
+pub(super) use values::edit_distance;
+
 use std::path::Path;
 use std::sync::Arc;
 

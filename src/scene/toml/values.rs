@@ -10,6 +10,7 @@ use super::{Placed, Reader};
 use crate::error::{Error, Result, one_line};
 use crate::light::Rgb;
 use crate::scene::materials::{BRIGHTEST, check_radiance};
+use crate::scene::nearest_word;
 
 impl Reader<'_> {
     pub(super) fn line(&self, at: usize) -> usize {
@@ -34,9 +35,7 @@ impl Reader<'_> {
             let mut quoted = message.split('`').skip(1).step_by(2);
             let unknown = one_line(quoted.next().unwrap_or_default(), 40);
             let known: Vec<&str> = quoted.collect();
-            let nearest = known.iter().min_by_key(|known| edit_distance(&unknown, known));
-            let near = nearest.filter(|known| edit_distance(&unknown, known) <= 1 + known.len() / 3);
-            let remedy = match near {
+            let remedy = match nearest_word(&unknown, known.iter().copied()) {
                 Some(near) => format!("the nearest valid key is `{near}`"),
                 None => format!("valid keys are {}", known.join(", ")),
             };
@@ -162,7 +161,7 @@ fn in_our_words(message: &str) -> String {
 }
 
 /// Levenshtein distance between two short words.
-fn edit_distance(a: &str, b: &str) -> usize {
+pub fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();
     for (i, x) in a.chars().enumerate() {

@@ -3,6 +3,7 @@
 use glam::Vec3;
 
 use super::{Destination, Written};
+use crate::bake::model::Model;
 use crate::bake::{self, Meter, Monitor, Stage};
 use crate::cli::arguments::Probe;
 use crate::cli::console::Console;
@@ -20,13 +21,23 @@ pub fn run(request: &Probe, console: &Console) -> Result<()> {
     let destination = Destination::of(request.output.as_deref(), console)?;
     let table = PointTable::read(&request.points)?;
     let job = bake::open(&request.job)?;
-    let (scene, bvh) = (job.scene(), job.bvh());
+    let columns = answers(job.model(), &table, console)?;
+    destination.table(&table, &columns)?;
+    destination.report("probe", &Written::points(&destination, table.len() as u64, &meter), console)
+}
+
+/// The light at the points of a table, as columns to append to it.
+///
+/// # Errors
+/// Interruptions, and those of reading a streamed mesh.
+pub fn answers(model: &Model, table: &PointTable, console: &Console) -> Result<[Column; 7]> {
+    let (scene, bvh, field) = (&model.scene, &model.bvh, model.field());
     let points = table.local(&scene.placement);
     let stage = Stage::start(console, "probe", "points", Some(points.len() as u64));
     let (mut irradiance, mut radiosity, mut error) = (Vec::new(), Vec::<Rgb>::new(), Vec::new());
     let mut afloat = 0u64;
     for batch in points.chunks(BATCH) {
-        for (point, light) in batch.iter().zip(job.evaluate(batch)) {
+        for (point, light) in batch.iter().zip(field.evaluate(batch)) {
             let surface = footing(scene, bvh, point);
             afloat += u64::from(surface.is_none());
             irradiance.push(light.total());
@@ -35,7 +46,7 @@ pub fn run(request: &Probe, console: &Console) -> Result<()> {
         }
         stage.advance(batch.len() as u64)?;
     }
-    job.sound()?;
+    bvh.sound()?;
     stage.finish();
     if afloat > 0 {
         console.warn(&format!(
@@ -44,7 +55,5 @@ pub fn run(request: &Probe, console: &Console) -> Result<()> {
     }
     let [ir, ig, ib] = Column::rgb("irradiance", &irradiance);
     let [br, bg, bb] = Column::rgb("radiosity", &radiosity);
-    let columns = [ir, ig, ib, br, bg, bb, Column::new("error", error)];
-    destination.table(&table, &columns)?;
-    destination.report("probe", &Written::points(&destination, points.len() as u64, &meter), console)
+    Ok([ir, ig, ib, br, bg, bb, Column::new("error", error)])
 }

@@ -1,0 +1,70 @@
+//! The lights of a scene, each of which can be another strength without new links.
+
+use std::sync::Arc;
+
+use super::lighting::{Lighting, MeshLight, strength};
+use crate::light::Rgb;
+use crate::links::lamps::{Lamp, Shape};
+use crate::scene::{Sky, Texture};
+
+/// A light of the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Origin {
+    /// A mesh that emits.
+    Mesh(usize),
+    /// A punctual lamp.
+    Lamp(usize),
+    /// All light from outside.
+    Sky,
+}
+
+/// Which light of the scene a lamp is.
+pub(super) fn origin_of(lamps: &[Lamp], lamp: usize) -> Origin {
+    match &lamps[lamp].shape {
+        Shape::Emitter(emitter) => Origin::Mesh(emitter.mesh),
+        Shape::Sky(_) => Origin::Sky,
+        Shape::Punctual(_) => {
+            let before = lamps[..lamp].iter().filter(|lamp| matches!(lamp.shape, Shape::Punctual(_)));
+            Origin::Lamp(before.count())
+        }
+    }
+}
+
+/// What multiplies a light's unit.
+pub(super) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
+    match origin {
+        Origin::Mesh(k) => lighting.meshes[k].radiance,
+        Origin::Lamp(k) => strength(&lighting.lamps[k]),
+        Origin::Sky => lighting.sky.map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE)),
+    }
+}
+
+/// The strength of the lamp that a light is: exitance of a mesh.
+pub(super) fn lamp_strength(lighting: &Lighting, origin: Origin) -> Rgb {
+    let unit = if matches!(origin, Origin::Mesh(_)) { std::f32::consts::PI } else { 1.0 };
+    tint(lighting, origin) * unit
+}
+
+/// Per mesh the exitance that rows meet.
+pub(super) fn glow(lighting: &Lighting, glowing: &[bool]) -> Vec<Rgb> {
+    let exitance = |(mesh, glows): (&MeshLight, &bool)| {
+        if *glows { mesh.radiance * std::f32::consts::PI } else { Rgb::ZERO }
+    };
+    lighting.meshes.iter().zip(glowing).map(exitance).collect()
+}
+
+pub(super) fn is_lit(lighting: &Lighting, origin: Origin) -> bool {
+    tint(lighting, origin).max_element() > 0.0
+}
+
+/// A sky times a colour.
+pub(super) fn tinted(sky: &Sky, by: Rgb) -> Sky {
+    match sky {
+        _ if by == Rgb::ONE => sky.clone(),
+        Sky::Constant(radiance) => Sky::Constant(*radiance * by),
+        Sky::Image { image, to_image } => {
+            let pixels = image.pixels.iter().map(|pixel| *pixel * by).collect();
+            Sky::Image { image: Arc::new(Texture { pixels, ..**image }), to_image: *to_image }
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Relighting: other lights and other albedos through the rows that there are.
+//!
+//! This work is based on: Sloan, Kautz and Snyder, "Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
+//! Low-Frequency Lighting Environments", SIGGRAPH 2002 (light adds up: what unit lights do is found once and weighed
+//! afterwards), and Lehtinen et al. 2008. Unlike there, a column belongs to a light of the scene and holds all sites.
+
+mod bounce;
+mod together;
+
+pub use together::{TogetherParams, solve_together};
+
+use rayon::prelude::*;
+
+use super::{Problem, Solution};
+use crate::light::Rgb;
+
+/// A light before any interreflection.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Source {
+    /// Radiosity of the sites: their glow, and the lamps' light reflected once, W·m⁻².
+    pub own: Vec<Rgb>,
+    /// Irradiance at receivers straight from the sky, W·m⁻²; empty without a sky.
+    pub sky: Vec<Rgb>,
+}
+
+/// What a light does everywhere, interreflections included.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Column {
+    /// Irradiance at receivers from surfaces and sky, W·m⁻².
+    pub irradiance: Vec<Rgb>,
+    /// Radiosity per site, without the lamps' own exitance, W·m⁻².
+    pub radiosity: Vec<Rgb>,
+}
+
+/// Values added up by one task.
+const RUN: usize = 4096;
+
+impl Problem<'_> {
+    /// The light before any interreflection.
+    ///
+    /// Cost: the lamp links, and under a sky the rows' escaped rays; no rays are traced.
+    pub fn source(&self) -> Source {
+        let sky = if self.sky.is_some() { self.sky_light() } else { Vec::new() };
+        Source { own: self.unreflected(), sky }
+    }
+
+    /// Everything that answers at points need, from irradiance at receivers that was found before.
+    ///
+    /// Cost: one product with directions and a fit a receiver: several products of the solver.
+    pub fn completed(&self, irradiance: Vec<Rgb>) -> Solution {
+        self.complete(irradiance, &self.unreflected())
+    }
+}
+
+/// Adds up columns, each times its light by channel, into `irradiance` and `radiosity`, which are overwritten.
+///
+/// Exact but for rounding, ε a column. Cost: memory's: 12 B a column and value.
+pub fn superpose(columns: &[(&Column, Rgb)], irradiance: &mut [Rgb], radiosity: &mut [Rgb]) {
+    let parts: Vec<(&[Rgb], Rgb)> = columns.iter().map(|(c, light)| (&c.irradiance[..], *light)).collect();
+    add_up(&parts, irradiance);
+    let parts: Vec<(&[Rgb], Rgb)> = columns.iter().map(|(c, light)| (&c.radiosity[..], *light)).collect();
+    add_up(&parts, radiosity);
+}
+
+fn add_up(parts: &[(&[Rgb], Rgb)], sum: &mut [Rgb]) {
+    sum.par_chunks_mut(RUN).enumerate().for_each(|(run, sum)| {
+        let own = run * RUN..run * RUN + sum.len();
+        let Some(((first, light), others)) = parts.split_first() else {
+            return sum.fill(Rgb::ZERO);
+        };
+        sum.iter_mut().zip(&first[own.clone()]).for_each(|(sum, value)| *sum = *value * *light);
+        for (values, light) in others {
+            sum.iter_mut().zip(&values[own.clone()]).for_each(|(sum, value)| *sum += *value * *light);
+        }
+    });
+}

@@ -1,0 +1,140 @@
+//! The light of several sources by the same rows, from a first guess: GMRES for each, in step, so that each product
+//! serves them all.
+//!
+//! This work is based on: Saad and Schultz, "GMRES", 1986, in the form of [`crate::solve::iterate`]. The first product
+//! takes the sources in, so that a good guess is a solution after one.
+
+use super::bounce::bounce;
+use super::{Column, Source};
+use crate::light::Rgb;
+use crate::solve::iterate::{Cycle, IterateReport, KRYLOV, ROUNDING, norms, relative};
+use crate::solve::transport::Transport;
+
+/// When to stop.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TogetherParams {
+    /// Relative error of every source's irradiance at receivers, in the norm of squares. Divided by 1 / (1 − ρ), ρ the largest
+    /// albedo, it bounds the residual.
+    pub error: f64,
+    /// Products with the operator at the most.
+    pub most: usize,
+    /// Bounces of light to keep; None until converged.
+    pub bounces: Option<usize>,
+    /// Largest albedo of any site.
+    pub largest_albedo: f32,
+}
+
+/// Errors above this are not measured by one more product: what GMRES says of its residual is good to far less.
+const LOOSE: f64 = 1.0e-3;
+
+/// The least of 1 − ρ that errors are divided by.
+const LEAST_GAP: f64 = 1.0e-3;
+
+/// Solves H = G·(E + ρ·P·H) + S for every source, from first guesses of the irradiance at receivers.
+///
+/// Products count once for up to five sources. `pause` is asked before each. Deterministic for any number of threads.
+///
+/// # Errors
+/// What `pause` says.
+///
+/// # Panics
+/// When there are not as many guesses as sources.
+pub fn solve_together<E>(
+    transport: &Transport<'_>,
+    sources: &[Source],
+    guesses: Vec<Vec<Rgb>>,
+    params: &TogetherParams,
+    pause: &dyn Fn() -> Result<(), E>,
+) -> Result<(Vec<Column>, IterateReport), E> {
+    assert_eq!(sources.len(), guesses.len(), "a first guess for each source");
+    let (lights, report) = match params.bounces {
+        Some(bounces) => follow(transport, sources, (bounces, pause))?,
+        None => iterate(transport, sources, guesses, (params, pause))?,
+    };
+    let column = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
+        irradiance.iter_mut().for_each(|h| *h = h.max(Rgb::ZERO));
+        let radiosity = transport.pull(&transport.push(&irradiance), Some(&source.own));
+        Column { irradiance, radiosity }
+    };
+    Ok((lights.into_iter().zip(sources).map(column).collect(), report))
+}
+
+/// The first few bounces.
+fn follow<E>(
+    transport: &Transport<'_>,
+    sources: &[Source],
+    (bounces, pause): (usize, &dyn Fn() -> Result<(), E>),
+) -> Result<(Vec<Vec<Rgb>>, IterateReport), E> {
+    let mut lights = vec![vec![Rgb::ZERO; transport.receivers.len()]; sources.len()];
+    let iterations = bounces.max(1);
+    for _ in 0..iterations {
+        pause()?;
+        lights = bounce(transport, &slices(&lights), sources);
+    }
+    Ok((
+        lights,
+        IterateReport { iterations, converged: true, error_bound: f64::INFINITY, ..Default::default() },
+    ))
+}
+
+fn iterate<E>(
+    transport: &Transport<'_>,
+    sources: &[Source],
+    mut lights: Vec<Vec<Rgb>>,
+    (params, pause): (&TogetherParams, &dyn Fn() -> Result<(), E>),
+) -> Result<(Vec<Vec<Rgb>>, IterateReport), E> {
+    // What no source has stays none: its residual would never be small beside it.
+    for (light, source) in lights.iter_mut().zip(sources) {
+        let has = source.own.iter().chain(&source.sky).fold(Rgb::ZERO, |m, v| m.max(*v));
+        let mask = Rgb::select(has.cmpgt(Rgb::ZERO), Rgb::ONE, Rgb::ZERO);
+        light.iter_mut().for_each(|h| *h *= mask);
+    }
+    let gap = (1.0 - f64::from(params.largest_albedo)).max(LEAST_GAP);
+    let tolerance = (params.error * gap).max(f64::from(ROUNDING));
+    let mut report = IterateReport { residual: 1.0, error_bound: f64::INFINITY, ..Default::default() };
+    loop {
+        pause()?;
+        let images = bounce(transport, &slices(&lights), sources);
+        report.iterations += 1;
+        let residuals: Vec<Vec<Rgb>> =
+            images.iter().zip(&lights).map(|(image, light)| minus(image, light)).collect();
+        let scales: Vec<[f64; 3]> = images.iter().map(|image| norms(image)).collect();
+        let worst = |all: &mut dyn Iterator<Item = [f64; 3]>| -> f64 {
+            all.zip(&scales).map(|(norm, scale)| relative(norm, *scale)).fold(0.0, f64::max)
+        };
+        report.residual = worst(&mut residuals.iter().map(|r| norms(r)));
+        report.history.push(report.residual);
+        report.converged = report.residual <= tolerance;
+        if report.converged || report.iterations >= params.most {
+            // The images are one bounce ahead.
+            return Ok((images, report));
+        }
+        let mut cycles: Vec<Cycle> = residuals.into_iter().map(Cycle::new).collect();
+        loop {
+            pause()?;
+            let directions: Vec<&[Rgb]> = cycles.iter().map(Cycle::last).collect();
+            let images = bounce(transport, &directions, &[]);
+            cycles.iter_mut().zip(&images).for_each(|(cycle, image)| cycle.take(image));
+            report.iterations += 1;
+            report.residual = worst(&mut cycles.iter().map(Cycle::residuals));
+            report.history.push(report.residual);
+            let full = cycles.iter().any(|cycle| cycle.steps() >= KRYLOV);
+            if report.residual <= 0.5 * tolerance || full || report.iterations + 1 >= params.most {
+                break;
+            }
+        }
+        cycles.iter().zip(&mut lights).for_each(|(cycle, light)| cycle.correct(light));
+        if params.error >= LOOSE && report.residual <= tolerance {
+            report.converged = true;
+            return Ok((lights, report));
+        }
+    }
+}
+
+fn slices(lights: &[Vec<Rgb>]) -> Vec<&[Rgb]> {
+    lights.iter().map(|light| &light[..]).collect()
+}
+
+fn minus(a: &[Rgb], b: &[Rgb]) -> Vec<Rgb> {
+    a.iter().zip(b).map(|(a, b)| *a - *b).collect()
+}
