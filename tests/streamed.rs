@@ -184,16 +184,14 @@ impl Monitor for StopAt {
     }
 }
 
-#[test]
-fn stopped_again_and_again_it_ends_with_the_same_bytes() {
-    let ball = Ball::new();
-    let options = options(0.1);
-    ball.bake("whole.glow", &options);
+/// Bakes it undisturbed, and once more with stops, each run a little farther than the one before: the same bytes.
+fn stopped_again_and_again(ball: &Ball, options: &Options, farther: u64) {
+    ball.bake("whole.glow", options);
     let job = ball.path("job.glow");
     let mut stops = 0;
     loop {
-        let monitor = StopAt(AtomicU64::new(20 + 40 * stops));
-        match bake::run(&ball.path("scene.toml"), &job, &options, &monitor) {
+        let monitor = StopAt(AtomicU64::new(20 + farther * stops));
+        match bake::run(&ball.path("scene.toml"), &job, options, &monitor) {
             Ok(_) => break,
             Err(error) => assert_eq!(error.exit_code(), 143, "{error}"),
         }
@@ -204,8 +202,45 @@ fn stopped_again_and_again_it_ends_with_the_same_bytes() {
     assert_eq!(digests(&job), digests(&ball.path("whole.glow")), "after {stops} stops");
     assert!(!job.join("work").exists() && !job.join("scratch").exists());
     // Nothing is left to do, and nothing is done.
-    let again = ball.bake("job.glow", &options);
+    let again = ball.bake("job.glow", options);
     assert_eq!(again.computed_blocks, 0);
+}
+
+#[test]
+fn stopped_again_and_again_it_ends_with_the_same_bytes() {
+    stopped_again_and_again(&Ball::new(), &options(0.1), 40);
+}
+
+#[test]
+fn vertices_in_memory_share_rows_and_stops_do_not_change_them() {
+    let ball = Ball::new();
+    let error = 0.05;
+    let held = Options { error, ..Options::default() };
+    // Few are asked in a bake in memory before the vertices, which are two blocks and more.
+    stopped_again_and_again(&ball, &held, 12);
+    let job = bake::open(&ball.path("job.glow")).expect("the job");
+    let normals = vertices::normals(job.scene());
+    let points: Vec<SurfacePoint> = (2 * RINGS as usize..(RINGS as usize - 1) * RINGS as usize)
+        .map(|v| SurfacePoint { position: job.scene().vertices[v], normal: normals[v] })
+        .collect();
+    let lights = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a small pool starts");
+        pool.install(|| job.evaluate_crowd(&points))
+    };
+    let shared = lights(2);
+    assert!(shared == lights(1), "the number of threads shows");
+    let (mut square, mut mean, mut differ) = (0.0, 0.0, 0);
+    for (shared, own) in shared.iter().zip(job.evaluate(&points)) {
+        let (shared, own) = (shared.total(), own.total());
+        square += f64::from((shared - own).length_squared()) / 3.0;
+        mean += f64::from(own.element_sum()) / 3.0;
+        differ += usize::from(shared != own);
+    }
+    let n = points.len() as f64;
+    let rms = (square / n).sqrt() / (mean / n);
+    // Both are to err by no more than the target, independently.
+    assert!(rms < error * 2f64.sqrt(), "{:.2} % from points' own rows", 100.0 * rms);
+    assert!(10 * differ > points.len(), "{differ} of {} vertices share rows: too few to tell", points.len());
 }
 
 #[test]

@@ -17,8 +17,8 @@ use crate::solve::Irradiance;
 /// Vertices that the exposure looks at, spread evenly over all.
 const EXPOSURE_VERTICES: usize = 2_048;
 
-/// Vertices asked together: enough that those of a dense mesh share rows, and about a second of work.
-const TOGETHER: usize = 1 << 16;
+/// Vertices asked together: enough that those of a dense mesh share rows, a second of work or, where all gather, three.
+const TOGETHER: usize = 1 << 15;
 
 /// Cells of the curve along the scene's longest side: its codes have 21 bits an axis.
 const CURVE_CELLS: f32 = 1_048_576.0;

@@ -29,7 +29,8 @@ struct Sharing {
     tolerance: f32,
 }
 
-/// Of points of full surfaces, which are many.
+/// Of points of full surfaces, which are many. A first radius of 0.5 takes 0.12 % off 3.1, a tolerance of 0.7 as much, both 0.22 %
+/// for 40 % more time: what errs most there is what the rows say, not what is between them.
 const FULL: Sharing = Sharing { first: 0.7, worth: 4.0, tolerance: 1.0 };
 
 /// Of points in memory, which the receivers did not know: fewer, and held to more.
