@@ -82,8 +82,8 @@ fn every_number_is_its_place_and_back() {
 
 #[test]
 fn any_number_of_threads_writes_the_same_bytes() {
-    // 128 · 40² faces are four blocks.
-    let line = "-k 40 --shuffle --holes 0.05 --slivers 0.1 --duplicates 0.1";
+    // 128 · 72² faces are eleven blocks: two rounds of one thread, one of two.
+    let line = "-k 72 --shuffle --holes 0.05 --slivers 0.1 --duplicates 0.1";
     let by = |threads| {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads").install(|| bytes(line))
     };
