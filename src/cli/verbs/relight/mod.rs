@@ -1,11 +1,14 @@
 //! `glowtree relight JOB --set NAME.radiance=R,G,B -o out.ply`
 
+mod animate;
+
 use std::path::Path;
 
 use serde::Serialize;
 
 use super::points::probe::answers;
 use super::{Destination, Written, export, render};
+use crate::bake::model::Model;
 use crate::bake::{Meter, Monitor, RelightReport, Relighter, Stage, Stopwatch, pictures, store};
 use crate::cli::arguments::Relight;
 use crate::cli::console::Console;
@@ -39,6 +42,9 @@ enum Wanted<'a> {
 
 /// Finds the light anew with the operator that the job holds, and answers.
 pub fn run(request: &Relight, console: &Console) -> Result<()> {
+    if let Some(keys) = &request.animate {
+        return animate::run(request, keys, console);
+    }
     let (meter, watch) = (Meter::start(), Stopwatch::start());
     let wanted = wanted(request, console)?;
     let mut relighter = Relighter::open(&request.job)?;
@@ -111,19 +117,22 @@ fn answer(
             destination.table(table, &columns)?;
             return Ok(Written::points(destination, table.len() as u64, meter));
         }
-        Wanted::Mesh(output) if model.details.is_empty() => export::write(model, output, console)?,
-        Wanted::Mesh(output) => {
-            let folder =
-                output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-            let scratch =
-                tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder in it", e))?;
-            let digests = store::digests_of(&request.job)?;
-            pictures::stream_to(output, (model, digests), scratch.path(), console)?;
-        }
+        Wanted::Mesh(output) => write_mesh(model, (&request.job, output), console)?,
         Wanted::Image(output) => {
             render::shoot(model, request.camera.as_deref(), output, console)?;
         }
     }
     let (Wanted::Mesh(output) | Wanted::Image(output)) = wanted else { unreachable!("points return above") };
     Ok(Written::file(output, meter))
+}
+
+/// Writes the mesh of a job in the light of a model.
+fn write_mesh(model: &Model, (job, output): (&Path, &Path), console: &Console) -> Result<()> {
+    if model.details.is_empty() {
+        return export::write(model, output, console);
+    }
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let scratch = tempfile::tempdir_in(folder).map_err(|e| Error::io(folder, "making a folder in it", e))?;
+    pictures::stream_to(output, (model, store::digests_of(job)?), scratch.path(), console)?;
+    Ok(())
 }
