@@ -19,11 +19,11 @@ const REPEATS: usize = 15;
 
 /// Error target, and factor of the sites' spacing beside what it asks for.
 const PLANS: [(&str, f64, f32); 5] = [
-    ("cornell", 0.01, 0.40),
-    ("rooms", 0.01, 0.50),
-    ("rooms", 0.002, 1.0),
-    ("cornell", 0.01, 0.125),
-    ("rooms", 0.01, 0.155),
+    ("cornell", 0.01, 0.28),
+    ("rooms", 0.01, 0.42),
+    ("rooms", 0.0016, 1.0),
+    ("cornell", 0.01, 0.072),
+    ("rooms", 0.01, 0.09),
 ];
 
 fn main() {

@@ -145,6 +145,8 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["relight", "job", "--set", "sky.radiance=0.5", "-o", "relit.ply"], 0);
     held(&place, &["relight", "job", "--set", "corner.albedo=0.2,0.3,0.4", "-o", "relit.png"], 0);
     held(&place, &["relight", "job", "--set", "corner.albdo=0.2", "-o", "relit.ply"], 2);
+    std::fs::write(place.path("keys.toml"), "[[key]]\nframe = 1\nset = [\"lamp.scale=0.5\"]\n").unwrap();
+    held(&place, &["relight", "job", "--animate", "keys.toml", "-o", "frame_#.ply"], 0);
     let ladder =
         ["chart", "scene.toml", "-o", "charts", "--errors", "50%", "--spp", "16", "--reference-spp", "16"];
     held(&place, &ladder, 0);

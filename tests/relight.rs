@@ -295,3 +295,81 @@ fn the_job_stays_and_unchanged_lights_answer_as_it_does() {
     assert_eq!(code(&place.run(&["relight", "job", "--set", "lamp.scale=0", "-o", "dim.ply", "-q"])), 0);
     assert!(place.path("dim.ply").is_file() && files() == before);
 }
+
+#[test]
+fn loose_solutions_are_as_good_as_they_are_asked_to_be() {
+    let stage = Stage::new("cornell", MORE);
+    stage.bake("job", 0.1, &[]);
+    for paint in ["0.3,0.6,0.1", "0.95", "0"] {
+        let [mut loose, mut tight] = [1e-2, 1e-6].map(|error| {
+            let mut relighter = open(&stage.path("job"));
+            relighter.params_mut().error = error;
+            relighter
+        });
+        let change = format!("white.albedo={paint}");
+        let lighting = set(&loose, &[&change, "light.scale=3"]);
+        let (report, exact) = (loose.relight(&lighting).unwrap(), tight.relight(&lighting).unwrap());
+        let off = relative(loose.irradiance(), tight.irradiance());
+        println!("{change}: {} and {} products, {:.3} % off", report.iterations, exact.iterations, 1e2 * off);
+        assert!(
+            report.converged && exact.converged && report.iterations < exact.iterations,
+            "{report:?} {exact:?}"
+        );
+        assert!(off < 1e-2, "{change}: {off}");
+    }
+}
+
+#[test]
+fn limited_bounces_stay_limited() {
+    let stage = Stage::new("cornell", "");
+    std::fs::write(stage.path("scene.toml"), &stage.text).unwrap();
+    let options = Options { error: 0.1, max_bounces: Some(2), preview: false, ..Options::default() };
+    bake::run(&stage.path("scene.toml"), &stage.path("job"), &options, &Silent).unwrap();
+    let mut relighter = open(&stage.path("job"));
+    let baked = relighter.radiosity().to_vec();
+    relighter.relight(&set(&relighter, &["light.scale=2"])).unwrap();
+    let doubled: Vec<Rgb> = baked.iter().map(|b| *b * 2.0).collect();
+    // The same sums of a few hundred terms, in f32.
+    assert!(relative(relighter.radiosity(), &doubled) < 1e-5);
+}
+
+/// Two keys: the lamp goes dark while the sky and the camera change.
+const KEYS: &str = "[[key]]\nframe = 0\nset = [\"sky.radiance=0\"]\n\
+    [[key]]\nframe = 3\nset = [\"lamp.scale=0\", \"sky.radiance=1\"]\neye = [0.6, 0.6, 2.0]\n";
+
+#[test]
+fn sequences_resume_and_end_with_the_same_frames() {
+    let place = Place::new();
+    place.baked("job");
+    std::fs::write(place.path("keys.toml"), KEYS).unwrap();
+    let words = ["relight", "job", "--animate", "keys.toml", "-o", "frame_##.png", "--json"];
+    let frames = || {
+        (0..4).map(|k| std::fs::read(place.path(&format!("frame_{k:02}.png"))).unwrap()).collect::<Vec<_>>()
+    };
+    let first = place.run(&words);
+    assert_eq!(code(&first), 0, "{}", stderr(&first));
+    let whole = frames();
+    assert!(whole.windows(2).all(|pair| pair[0] != pair[1]), "each frame differs");
+    std::fs::remove_file(place.path("frame_02.png")).unwrap();
+    let again = place.run(&words);
+    let summary = command::lines(&again).pop().unwrap();
+    assert_eq!(
+        (summary["frames"].as_u64(), summary["kept_frames"].as_u64()),
+        (Some(4), Some(3)),
+        "{summary}"
+    );
+    assert!(frames() == whole);
+    for (text, expected) in [
+        ("[[key]]\nframe = 0\nsett = []\n", "nearest valid key is `set`"),
+        ("[[key]]\nframe = 1\n[[key]]\nframe = 1\n", "key 2"),
+        ("[[key]]\nframe = 0\nset = [\"lmap.scale=1\"]\n", "nearest valid name is `lamp`"),
+        ("", "no keys"),
+    ] {
+        std::fs::write(place.path("bad.toml"), text).unwrap();
+        let output = place.run(&["relight", "job", "--animate", "bad.toml", "-o", "bad_#.ply"]);
+        assert_eq!(code(&output), 4, "{text}: {}", stderr(&output));
+        assert!(stderr(&output).contains(expected), "{text}: {}", stderr(&output));
+    }
+    let output = place.run(&["relight", "job", "--animate", "keys.toml", "-o", "frame.png"]);
+    assert_eq!(code(&output), 2, "{}", stderr(&output));
+}

@@ -1,6 +1,7 @@
 //! Other lights and other albedos for a finished job, without new rows.
 
 mod change;
+mod keys;
 mod lighting;
 mod mixture;
 mod origins;
@@ -27,6 +28,7 @@ use crate::solve::relight::{Column, Source, TogetherParams, solve_together, supe
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
+pub use keys::Keys;
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
 use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};

@@ -1,5 +1,7 @@
 //! `glowtree relight JOB --set NAME.radiance=R,G,B -o out.ply`
 
+mod animate;
+
 use std::path::Path;
 
 use serde::Serialize;
@@ -39,6 +41,9 @@ enum Wanted<'a> {
 
 /// Finds the light anew with the operator that the job holds, and answers.
 pub fn run(request: &Relight, console: &Console) -> Result<()> {
+    if let Some(keys) = &request.animate {
+        return animate::run(request, keys, console);
+    }
     let (meter, watch) = (Meter::start(), Stopwatch::start());
     let wanted = wanted(request, console)?;
     let mut relighter = Relighter::open(&request.job)?;
