@@ -192,7 +192,7 @@ const CUT: u64 = 16;
 fn stopped_again_and_again(ball: &Ball, options: &Options) {
     ball.bake("whole.glow", options);
     let job = ball.path("job.glow");
-    let mut stops = 0;
+    let mut stops = 0u64;
     loop {
         let later = stops.saturating_sub(CUT);
         let asked = if stops < CUT { stops } else { 20 + 40 * later + 4 * later * later };
