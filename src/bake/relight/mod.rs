@@ -24,7 +24,7 @@ use crate::links::lamps::{self, Lamp, Shape};
 use crate::scatter::surface::Surface;
 use crate::scene::{Scene, Sky};
 use crate::sites::{Samples, Sites};
-use crate::solve::relight::{Column, Source, TogetherParams, solve_together, superpose};
+use crate::solve::relight::{Column, Links, Source, TogetherParams, solve_together, superpose};
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
@@ -89,7 +89,7 @@ pub struct RelightReport {
 ///
 /// Accuracy: sites and receivers lie where the light of the bake asked for them; lights that differ much from it, or were
 /// not there, are known less well than the job's error target. Sums of prepared lights are those of a solution to 1e-5.
-/// Memory: the rows, and 12 B a site and receiver for each light prepared. Deterministic for any number of threads.
+/// Memory: the rows, 6 B for each of their links once more, and 12 B a site and receiver for each light prepared. Deterministic for any number of threads.
 pub struct Relighter {
     model: Model,
     params: RelightParams,
@@ -107,6 +107,7 @@ pub struct Relighter {
     /// What rows meet of the sky, and the lamp of its bright part, as they are untinted.
     sky: (Option<Sky>, Option<Lamp>),
     mixture: Option<Mixture>,
+    links: OnceLock<Links>,
     columns: Vec<(Origin, Column)>,
     /// First guesses for columns that new albedos made void.
     stale: Vec<(Origin, Column)>,
@@ -159,6 +160,7 @@ impl Relighter {
             linked,
             sky: (None, bright),
             mixture: None,
+            links: OnceLock::new(),
             columns: Vec::new(),
             stale: Vec::new(),
             synced: true,
@@ -245,7 +247,8 @@ impl Relighter {
             self.synced = false;
             let guesses = some.iter().map(|origin| self.guess(*origin)).collect();
             let params = TogetherParams { error: COLUMN_ERROR, ..self.together() };
-            let (columns, found) = solve_together(&self.transport(), &sources, guesses, &params, pause)?;
+            let (columns, found) =
+                solve_together((&self.transport(), self.links()), &sources, guesses, &params, pause)?;
             self.columns.extend(some.iter().copied().zip(columns));
             report.iterations += found.iterations;
             report.residual = report.residual.max(found.residual);
@@ -294,7 +297,8 @@ impl Relighter {
         let source = self.model.problem().source();
         let guess = vec![self.model.solution.irradiance.clone()];
         let params = self.together();
-        let (columns, found) = solve_together(&self.transport(), &[source], guess, &params, pause)?;
+        let (columns, found) =
+            solve_together((&self.transport(), self.links()), &[source], guess, &params, pause)?;
         for Column { irradiance, radiosity } in columns {
             (self.model.solution.irradiance, self.model.solution.radiosity) = (irradiance, radiosity);
         }
@@ -319,6 +323,11 @@ impl Relighter {
     fn transport(&self) -> Transport<'_> {
         let Model { receivers, spread, albedo, .. } = &self.model;
         Transport { receivers, spread, albedo }
+    }
+
+    /// The rows as the product needs them, made when first asked for.
+    fn links(&self) -> &Links {
+        self.links.get_or_init(|| Links::new(&self.model.receivers))
     }
 
     fn together(&self) -> TogetherParams {

@@ -5,8 +5,10 @@
 //! afterwards), and Lehtinen et al. 2008. Unlike there, a column belongs to a light of the scene and holds all sites.
 
 mod bounce;
+mod links;
 mod together;
 
+pub use links::Links;
 pub use together::{TogetherParams, solve_together};
 
 use rayon::prelude::*;
