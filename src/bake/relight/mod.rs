@@ -24,7 +24,7 @@ use crate::links::lamps::{self, Lamp, Shape};
 use crate::scatter::surface::Surface;
 use crate::scene::{Scene, Sky};
 use crate::sites::{Samples, Sites};
-use crate::solve::relight::{Column, Links, Source, TogetherParams, solve_together, superpose};
+use crate::solve::relight::{Links, Source, TogetherParams, Transfer, solve_together, superpose};
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
@@ -33,8 +33,8 @@ pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
 use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
 
-/// Columns err by this much of themselves at most, so that sums of them are exact to 1e-5.
-const COLUMN_ERROR: f64 = 1.0e-6;
+/// Transfers err by this much of themselves at most, so that sums of them are exact to 1e-5.
+const TRANSFER_ERROR: f64 = 1.0e-6;
 
 /// Products with the operator at the most.
 const MOST_PRODUCTS: usize = 2000;
@@ -108,9 +108,9 @@ pub struct Relighter {
     sky: (Option<Sky>, Option<Lamp>),
     mixture: Option<Mixture>,
     links: OnceLock<Links>,
-    columns: Vec<(Origin, Column)>,
-    /// First guesses for columns that new albedos made void.
-    stale: Vec<(Origin, Column)>,
+    transfers: Vec<(Origin, Transfer)>,
+    /// First guesses for transfers that new albedos made void.
+    stale: Vec<(Origin, Transfer)>,
     /// Whether scene, lamps and glow of the model are those of `now`.
     synced: bool,
     /// Whether the model's solution is all there, not its radiosity and irradiance alone.
@@ -161,7 +161,7 @@ impl Relighter {
             sky: (None, bright),
             mixture: None,
             links: OnceLock::new(),
-            columns: Vec::new(),
+            transfers: Vec::new(),
             stale: Vec::new(),
             synced: true,
             whole: true,
@@ -238,7 +238,7 @@ impl Relighter {
     /// What `pause` says.
     pub fn prepare_with(&mut self, pause: Pause<'_>) -> Result<RelightReport> {
         let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o);
-        let known = |o: &Origin| self.columns.iter().any(|(own, _)| own == o);
+        let known = |o: &Origin| self.transfers.iter().any(|(own, _)| own == o);
         let wanted: Vec<Origin> =
             self.origins().into_iter().filter(|o| lit(o) && !known(o) && self.is_linked(*o)).collect();
         let mut report = RelightReport { converged: true, ..RelightReport::default() };
@@ -246,10 +246,10 @@ impl Relighter {
             let sources: Vec<Source> = some.iter().map(|&origin| self.unit_source(origin)).collect();
             self.synced = false;
             let guesses = some.iter().map(|origin| self.guess(*origin)).collect();
-            let params = TogetherParams { error: COLUMN_ERROR, ..self.together() };
-            let (columns, found) =
+            let params = TogetherParams { error: TRANSFER_ERROR, ..self.together() };
+            let (transfers, found) =
                 solve_together((&self.transport(), self.links()), &sources, guesses, &params, pause)?;
-            self.columns.extend(some.iter().copied().zip(columns));
+            self.transfers.extend(some.iter().copied().zip(transfers));
             report.iterations += found.iterations;
             report.residual = report.residual.max(found.residual);
             report.converged &= found.converged;
@@ -286,8 +286,9 @@ impl Relighter {
         }
         let light = |origin: &Origin| tint(&self.now, *origin);
         let lit: Vec<Origin> = self.origins().into_iter().filter(|o| is_lit(&self.now, *o)).collect();
-        let column = |o: &Origin| self.columns.iter().find(|(own, _)| own == o).map(|(_, c)| (c, light(o)));
-        if let Some(parts) = lit.iter().map(column).collect::<Option<Vec<_>>>() {
+        let transfer =
+            |o: &Origin| self.transfers.iter().find(|(own, _)| own == o).map(|(_, c)| (c, light(o)));
+        if let Some(parts) = lit.iter().map(transfer).collect::<Option<Vec<_>>>() {
             let solution = &mut self.model.solution;
             superpose(&parts, &mut solution.irradiance, &mut solution.radiosity);
             report.superposed = true;
@@ -297,9 +298,9 @@ impl Relighter {
         let source = self.model.problem().source();
         let guess = vec![self.model.solution.irradiance.clone()];
         let params = self.together();
-        let (columns, found) =
+        let (transfers, found) =
             solve_together((&self.transport(), self.links()), &[source], guess, &params, pause)?;
-        for Column { irradiance, radiosity } in columns {
+        for Transfer { irradiance, radiosity } in transfers {
             (self.model.solution.irradiance, self.model.solution.radiosity) = (irradiance, radiosity);
         }
         (report.iterations, report.residual, report.converged) =
@@ -384,7 +385,7 @@ impl Relighter {
     }
 
     fn forget(&mut self, origin: Origin) {
-        self.columns.retain(|(own, _)| *own != origin);
+        self.transfers.retain(|(own, _)| *own != origin);
         self.stale.retain(|(own, _)| *own != origin);
     }
 
@@ -416,7 +417,7 @@ impl Relighter {
         for (k, mesh) in self.model.scene.meshes.iter_mut().enumerate() {
             mesh.albedo = paints[k].albedo(&self.baked.meshes[k].albedo);
         }
-        self.stale.append(&mut self.columns);
+        self.stale.append(&mut self.transfers);
     }
 
     fn show_meshes(&mut self) {

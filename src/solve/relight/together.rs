@@ -5,7 +5,7 @@
 //! takes the sources in, so that a good guess is a solution after one.
 
 use super::bounce::bounce;
-use super::{Column, Links, Source};
+use super::{Links, Source, Transfer};
 use crate::light::Rgb;
 use crate::solve::iterate::{Cycle, IterateReport, KRYLOV, ROUNDING, norms, relative};
 use crate::solve::transport::Transport;
@@ -13,8 +13,8 @@ use crate::solve::transport::Transport;
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TogetherParams {
-    /// Relative error of every source's irradiance at receivers, in the norm of squares. Divided by 1 / (1 − ρ), ρ the largest
-    /// albedo, it bounds the residual.
+    /// Relative error of every source's irradiance at receivers that is aimed at, in the norm of squares: the residual, relative
+    /// to the irradiance, is held to this times 1 − ρ, ρ the largest albedo. An estimate, not a bound: ‖K‖₂ may exceed ρ.
     pub error: f64,
     /// Products with the operator at the most.
     pub most: usize,
@@ -45,18 +45,18 @@ pub fn solve_together<E>(
     guesses: Vec<Vec<Rgb>>,
     params: &TogetherParams,
     pause: &dyn Fn() -> Result<(), E>,
-) -> Result<(Vec<Column>, IterateReport), E> {
+) -> Result<(Vec<Transfer>, IterateReport), E> {
     assert_eq!(sources.len(), guesses.len(), "a first guess for each source");
     let (lights, report) = match params.bounces {
         Some(bounces) => follow((transport, links), sources, (bounces, pause))?,
         None => iterate((transport, links), sources, guesses, (params, pause))?,
     };
-    let column = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
+    let transfer = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
         irradiance.iter_mut().for_each(|h| *h = h.max(Rgb::ZERO));
         let radiosity = transport.pull(&transport.push(&irradiance), Some(&source.own));
-        Column { irradiance, radiosity }
+        Transfer { irradiance, radiosity }
     };
-    Ok((lights.into_iter().zip(sources).map(column).collect(), report))
+    Ok((lights.into_iter().zip(sources).map(transfer).collect(), report))
 }
 
 /// The first few bounces.
