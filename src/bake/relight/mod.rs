@@ -417,7 +417,9 @@ impl Relighter {
         for (k, mesh) in self.model.scene.meshes.iter_mut().enumerate() {
             mesh.albedo = paints[k].albedo(&self.baked.meshes[k].albedo);
         }
-        self.stale.append(&mut self.transfers);
+        let fresh = std::mem::take(&mut self.transfers);
+        self.stale.retain(|(own, _)| fresh.iter().all(|(origin, _)| origin != own));
+        self.stale.extend(fresh);
     }
 
     fn show_meshes(&mut self) {
