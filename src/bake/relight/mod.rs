@@ -206,8 +206,8 @@ impl Relighter {
     ///
     /// Cost: once after each change some products with the operator.
     pub fn model(&mut self) -> &Model {
+        self.sync();
         if !self.whole {
-            self.sync();
             let irradiance = std::mem::take(&mut self.model.solution.irradiance);
             self.model.solution = self.model.problem().completed(irradiance);
             self.model.smooth = OnceLock::new();
