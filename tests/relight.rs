@@ -73,8 +73,11 @@ fn sums_of_lights_are_solutions() {
     let stage = Stage::new("cornell", MORE);
     stage.bake("job", 0.1, &[]);
     let mut summed = open(&stage.path("job"));
+    let points: Vec<SurfacePoint> = (0..50).map(|s| summed.model().sites.point(SiteId(s))).collect();
+    let before = summed.evaluate(&points);
     let report = summed.prepare().unwrap();
     assert!(report.converged && report.iterations > 0, "{report:?}");
+    assert!(summed.evaluate(&points) == before, "preparing changes no light");
     let mut solved = open(&stage.path("job"));
     solved.params_mut().error = 1e-6;
     for changes in [

@@ -24,7 +24,7 @@ use crate::links::lamps::{self, Lamp, Shape};
 use crate::scatter::surface::Surface;
 use crate::scene::{Scene, Sky};
 use crate::sites::{Samples, Sites};
-use crate::solve::relight::{Column, Source, TogetherParams, solve_together, superpose};
+use crate::solve::relight::{Links, Source, TogetherParams, Transfer, solve_together, superpose};
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
@@ -33,8 +33,8 @@ pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
 use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
 
-/// Columns err by this much of themselves at most, so that sums of them are exact to 1e-5.
-const COLUMN_ERROR: f64 = 1.0e-6;
+/// Transfers err by this much of themselves at most, so that sums of them are exact to 1e-5.
+const TRANSFER_ERROR: f64 = 1.0e-6;
 
 /// Products with the operator at the most.
 const MOST_PRODUCTS: usize = 2000;
@@ -89,7 +89,7 @@ pub struct RelightReport {
 ///
 /// Accuracy: sites and receivers lie where the light of the bake asked for them; lights that differ much from it, or were
 /// not there, are known less well than the job's error target. Sums of prepared lights are those of a solution to 1e-5.
-/// Memory: the rows, and 12 B a site and receiver for each light prepared. Deterministic for any number of threads.
+/// Memory: the rows, 6 B for each of their links once more, and 12 B a site and receiver for each light prepared. Deterministic for any number of threads.
 pub struct Relighter {
     model: Model,
     params: RelightParams,
@@ -107,9 +107,10 @@ pub struct Relighter {
     /// What rows meet of the sky, and the lamp of its bright part, as they are untinted.
     sky: (Option<Sky>, Option<Lamp>),
     mixture: Option<Mixture>,
-    columns: Vec<(Origin, Column)>,
-    /// First guesses for columns that new albedos made void.
-    stale: Vec<(Origin, Column)>,
+    links: OnceLock<Links>,
+    transfers: Vec<(Origin, Transfer)>,
+    /// First guesses for transfers that new albedos made void.
+    stale: Vec<(Origin, Transfer)>,
     /// Whether scene, lamps and glow of the model are those of `now`.
     synced: bool,
     /// Whether the model's solution is all there, not its radiosity and irradiance alone.
@@ -159,7 +160,8 @@ impl Relighter {
             linked,
             sky: (None, bright),
             mixture: None,
-            columns: Vec::new(),
+            links: OnceLock::new(),
+            transfers: Vec::new(),
             stale: Vec::new(),
             synced: true,
             whole: true,
@@ -204,8 +206,8 @@ impl Relighter {
     ///
     /// Cost: once after each change some products with the operator.
     pub fn model(&mut self) -> &Model {
+        self.sync();
         if !self.whole {
-            self.sync();
             let irradiance = std::mem::take(&mut self.model.solution.irradiance);
             self.model.solution = self.model.problem().completed(irradiance);
             self.model.smooth = OnceLock::new();
@@ -236,7 +238,7 @@ impl Relighter {
     /// What `pause` says.
     pub fn prepare_with(&mut self, pause: Pause<'_>) -> Result<RelightReport> {
         let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o);
-        let known = |o: &Origin| self.columns.iter().any(|(own, _)| own == o);
+        let known = |o: &Origin| self.transfers.iter().any(|(own, _)| own == o);
         let wanted: Vec<Origin> =
             self.origins().into_iter().filter(|o| lit(o) && !known(o) && self.is_linked(*o)).collect();
         let mut report = RelightReport { converged: true, ..RelightReport::default() };
@@ -244,9 +246,10 @@ impl Relighter {
             let sources: Vec<Source> = some.iter().map(|&origin| self.unit_source(origin)).collect();
             self.synced = false;
             let guesses = some.iter().map(|origin| self.guess(*origin)).collect();
-            let params = TogetherParams { error: COLUMN_ERROR, ..self.together() };
-            let (columns, found) = solve_together(&self.transport(), &sources, guesses, &params, pause)?;
-            self.columns.extend(some.iter().copied().zip(columns));
+            let params = TogetherParams { error: TRANSFER_ERROR, ..self.together() };
+            let (transfers, found) =
+                solve_together((&self.transport(), self.links()), &sources, guesses, &params, pause)?;
+            self.transfers.extend(some.iter().copied().zip(transfers));
             report.iterations += found.iterations;
             report.residual = report.residual.max(found.residual);
             report.converged &= found.converged;
@@ -283,8 +286,9 @@ impl Relighter {
         }
         let light = |origin: &Origin| tint(&self.now, *origin);
         let lit: Vec<Origin> = self.origins().into_iter().filter(|o| is_lit(&self.now, *o)).collect();
-        let column = |o: &Origin| self.columns.iter().find(|(own, _)| own == o).map(|(_, c)| (c, light(o)));
-        if let Some(parts) = lit.iter().map(column).collect::<Option<Vec<_>>>() {
+        let transfer =
+            |o: &Origin| self.transfers.iter().find(|(own, _)| own == o).map(|(_, c)| (c, light(o)));
+        if let Some(parts) = lit.iter().map(transfer).collect::<Option<Vec<_>>>() {
             let solution = &mut self.model.solution;
             superpose(&parts, &mut solution.irradiance, &mut solution.radiosity);
             report.superposed = true;
@@ -294,8 +298,9 @@ impl Relighter {
         let source = self.model.problem().source();
         let guess = vec![self.model.solution.irradiance.clone()];
         let params = self.together();
-        let (columns, found) = solve_together(&self.transport(), &[source], guess, &params, pause)?;
-        for Column { irradiance, radiosity } in columns {
+        let (transfers, found) =
+            solve_together((&self.transport(), self.links()), &[source], guess, &params, pause)?;
+        for Transfer { irradiance, radiosity } in transfers {
             (self.model.solution.irradiance, self.model.solution.radiosity) = (irradiance, radiosity);
         }
         (report.iterations, report.residual, report.converged) =
@@ -319,6 +324,11 @@ impl Relighter {
     fn transport(&self) -> Transport<'_> {
         let Model { receivers, spread, albedo, .. } = &self.model;
         Transport { receivers, spread, albedo }
+    }
+
+    /// The rows as the product needs them, made when first asked for.
+    fn links(&self) -> &Links {
+        self.links.get_or_init(|| Links::new(&self.model.receivers))
     }
 
     fn together(&self) -> TogetherParams {
@@ -375,7 +385,7 @@ impl Relighter {
     }
 
     fn forget(&mut self, origin: Origin) {
-        self.columns.retain(|(own, _)| *own != origin);
+        self.transfers.retain(|(own, _)| *own != origin);
         self.stale.retain(|(own, _)| *own != origin);
     }
 
@@ -407,7 +417,9 @@ impl Relighter {
         for (k, mesh) in self.model.scene.meshes.iter_mut().enumerate() {
             mesh.albedo = paints[k].albedo(&self.baked.meshes[k].albedo);
         }
-        self.stale.append(&mut self.columns);
+        let fresh = std::mem::take(&mut self.transfers);
+        self.stale.retain(|(own, _)| fresh.iter().all(|(origin, _)| origin != own));
+        self.stale.extend(fresh);
     }
 
     fn show_meshes(&mut self) {

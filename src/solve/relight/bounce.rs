@@ -2,21 +2,25 @@
 
 use rayon::prelude::*;
 
-use super::Source;
+use super::{Links, Source};
 use crate::light::Rgb;
-use crate::links::rows::LOST;
 use crate::solve::transport::Transport;
 
-/// Lights that share a pass over the rows: with the count of known rays they fill a line of the cache.
+/// Lights that share a pass over the rows: they fill a line of the cache.
 pub const ABREAST: usize = 5;
 
-/// Entries added up in f32 before f64 takes over, as [`Transport::gather`] does.
+/// Links added up in f32 before f64 takes over.
 const PART: usize = 16;
 
-/// Up to five lights' colours at one place, and in the last lane a one where it is known.
+/// Up to five lights' colours at one place.
 #[derive(Clone, Copy, Default)]
 #[repr(align(64))]
 struct Line([f32; 16]);
+
+/// One light's colour.
+#[derive(Clone, Copy, Default)]
+#[repr(align(16))]
+struct Slot([f32; 4]);
 
 impl Line {
     fn of(lights: &[&[Rgb]], k: usize) -> Self {
@@ -35,16 +39,24 @@ impl Line {
 }
 
 /// Irradiance at receivers one bounce later, G·(E + ρ·P·H) + S of each light; without E and S where `sources` is empty.
-pub fn bounce(transport: &Transport<'_>, lights: &[&[Rgb]], sources: &[Source]) -> Vec<Vec<Rgb>> {
+pub fn bounce(
+    (transport, links): (&Transport<'_>, &Links),
+    lights: &[&[Rgb]],
+    sources: &[Source],
+) -> Vec<Vec<Rgb>> {
     let mut images: Vec<Vec<Rgb>> = Vec::with_capacity(lights.len());
     for (part, lights) in lights.chunks(ABREAST).enumerate() {
         let own = sources.get(part * ABREAST..).unwrap_or_default();
         match lights {
             [one] => {
-                let own = own.first().map(|source| &source.own[..]);
-                images.push(transport.gather(&transport.pull(&transport.push(one), own)));
+                let radiosity =
+                    transport.pull(&transport.push(one), own.first().map(|source| &source.own[..]));
+                images.push(gather_one(links, &radiosity, transport.receivers.len()));
             }
-            several => images.extend(gather(transport, &reflected(transport, several, own), several.len())),
+            several => {
+                let lines = reflected(transport, several, own);
+                images.extend(gather(links, &lines, (transport.receivers.len(), several.len())));
+            }
         }
     }
     for (image, source) in images.iter_mut().zip(sources).filter(|(_, source)| !source.sky.is_empty()) {
@@ -53,8 +65,7 @@ pub fn bounce(transport: &Transport<'_>, lights: &[&[Rgb]], sources: &[Source]) 
     images
 }
 
-/// Radiosity of the sites under some lights, and what marks of rows stand for after them, in the order of their numbers:
-/// lost, black, sky.
+/// Radiosity of the sites under some lights.
 fn reflected(transport: &Transport<'_>, lights: &[&[Rgb]], sources: &[Source]) -> Vec<Line> {
     let receivers: Vec<Line> =
         (0..transport.receivers.len()).into_par_iter().map(|r| Line::of(lights, r)).collect();
@@ -68,41 +79,47 @@ fn reflected(transport: &Transport<'_>, lights: &[&[Rgb]], sources: &[Source]) -
             let own = sources.get(l).map_or(Rgb::ZERO, |source| source.own[s]);
             sum.set(l, transport.albedo[s] * sum.colour(l) + own);
         }
-        sum.0[15] = 1.0;
         sum
     };
-    let mut black = Line::default();
-    black.0[15] = 1.0;
-    let mut lines: Vec<Line> = Vec::with_capacity(transport.albedo.len() + 3);
-    (0..transport.albedo.len()).into_par_iter().with_min_len(1024).map(site).collect_into_vec(&mut lines);
-    lines.extend([Line::default(), black, Line::default()]);
-    lines
+    (0..transport.albedo.len()).into_par_iter().with_min_len(1024).map(site).collect()
 }
 
 /// G·B of some lights, from the sites' lines.
-fn gather(transport: &Transport<'_>, lines: &[Line], lights: usize) -> Vec<Vec<Rgb>> {
-    let first_mark = lines.len() - 3;
-    let line = |met: u32| &lines[(met as usize).min(first_mark + met.wrapping_sub(LOST) as usize)].0;
-    let mut sums = Vec::new();
-    (0..transport.receivers.len())
-        .into_par_iter()
-        .with_min_len(64)
-        .map(|r| {
-            let (rows, r) = transport.receivers.row(r);
-            let mut sum = [0.0f64; 16];
-            for part in rows.row(r).chunks(PART) {
-                let mut few = [0.0f32; 16];
-                for &met in part {
-                    let line = line(met);
-                    (0..16).for_each(|k| few[k] += line[k]);
-                }
-                (0..16).for_each(|k| sum[k] += f64::from(few[k]));
+fn gather(links: &Links, lines: &[Line], (receivers, lights): (usize, usize)) -> Vec<Vec<Rgb>> {
+    let row = |r: usize| {
+        let (sites, counts, share) = links.row(r);
+        let mut sum = [0.0f64; 16];
+        for (sites, counts) in sites.chunks(PART).zip(counts.chunks(PART)) {
+            let mut few = [0.0f32; 16];
+            for (&site, &count) in sites.iter().zip(counts) {
+                let (line, count) = (&lines[site as usize].0, f32::from(count));
+                (0..16).for_each(|k| few[k] += line[k] * count);
             }
-            // Lost rays count as the mean of those that met known surfaces.
-            let rays = f64::from(rows.rays.saturating_sub(rows.summaries[r].escaped));
-            let weight = rays / (sum[15].max(1.0) * f64::from(rows.rays.max(1)));
-            Line(sum.map(|sum| (sum * weight) as f32))
-        })
-        .collect_into_vec(&mut sums);
+            (0..16).for_each(|k| sum[k] += f64::from(few[k]));
+        }
+        Line(sum.map(|sum| (sum * f64::from(share)) as f32))
+    };
+    let sums: Vec<Line> = (0..receivers).into_par_iter().with_min_len(64).map(row).collect();
     (0..lights).map(|l| sums.par_iter().with_min_len(4096).map(|sum| sum.colour(l)).collect()).collect()
+}
+
+/// G·B of one light.
+fn gather_one(links: &Links, radiosity: &[Rgb], receivers: usize) -> Vec<Rgb> {
+    let slot = |b: &Rgb| Slot([b.x, b.y, b.z, 0.0]);
+    let slots: Vec<Slot> = radiosity.par_iter().with_min_len(1 << 14).map(slot).collect();
+    let row = |r: usize| {
+        let (sites, counts, share) = links.row(r);
+        let mut sum = [0.0f64; 4];
+        for (sites, counts) in sites.chunks(PART).zip(counts.chunks(PART)) {
+            let mut few = [0.0f32; 4];
+            for (&site, &count) in sites.iter().zip(counts) {
+                let (slot, count) = (&slots[site as usize].0, f32::from(count));
+                (0..4).for_each(|k| few[k] += slot[k] * count);
+            }
+            (0..4).for_each(|k| sum[k] += f64::from(few[k]));
+        }
+        let [x, y, z, _] = sum.map(|sum| (sum * f64::from(share)) as f32);
+        Rgb::new(x, y, z)
+    };
+    (0..receivers).into_par_iter().with_min_len(64).map(row).collect()
 }

@@ -2,11 +2,13 @@
 //!
 //! This work is based on: Sloan, Kautz and Snyder, "Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
 //! Low-Frequency Lighting Environments", SIGGRAPH 2002 (light adds up: what unit lights do is found once and weighed
-//! afterwards), and Lehtinen et al. 2008. Unlike there, a column belongs to a light of the scene and holds all sites.
+//! afterwards), and Lehtinen et al. 2008. Unlike there, a transfer belongs to a light of the scene and holds all sites.
 
 mod bounce;
+mod links;
 mod together;
 
+pub use links::Links;
 pub use together::{TogetherParams, solve_together};
 
 use rayon::prelude::*;
@@ -25,7 +27,7 @@ pub struct Source {
 
 /// What a light does everywhere, interreflections included.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Column {
+pub struct Transfer {
     /// Irradiance at receivers from surfaces and sky, W·m⁻².
     pub irradiance: Vec<Rgb>,
     /// Radiosity per site, without the lamps' own exitance, W·m⁻².
@@ -52,13 +54,13 @@ impl Problem<'_> {
     }
 }
 
-/// Adds up columns, each times its light by channel, into `irradiance` and `radiosity`, which are overwritten.
+/// Adds up transfers, each times its light by channel, into `irradiance` and `radiosity`, which are overwritten.
 ///
-/// Exact but for rounding, ε a column. Cost: memory's: 12 B a column and value.
-pub fn superpose(columns: &[(&Column, Rgb)], irradiance: &mut [Rgb], radiosity: &mut [Rgb]) {
-    let parts: Vec<(&[Rgb], Rgb)> = columns.iter().map(|(c, light)| (&c.irradiance[..], *light)).collect();
+/// Exact but for rounding, ε a transfer. Cost: memory's: 12 B a transfer and value.
+pub fn superpose(transfers: &[(&Transfer, Rgb)], irradiance: &mut [Rgb], radiosity: &mut [Rgb]) {
+    let parts: Vec<(&[Rgb], Rgb)> = transfers.iter().map(|(c, light)| (&c.irradiance[..], *light)).collect();
     add_up(&parts, irradiance);
-    let parts: Vec<(&[Rgb], Rgb)> = columns.iter().map(|(c, light)| (&c.radiosity[..], *light)).collect();
+    let parts: Vec<(&[Rgb], Rgb)> = transfers.iter().map(|(c, light)| (&c.radiosity[..], *light)).collect();
     add_up(&parts, radiosity);
 }
 

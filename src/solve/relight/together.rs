@@ -5,7 +5,7 @@
 //! takes the sources in, so that a good guess is a solution after one.
 
 use super::bounce::bounce;
-use super::{Column, Source};
+use super::{Links, Source, Transfer};
 use crate::light::Rgb;
 use crate::solve::iterate::{Cycle, IterateReport, KRYLOV, ROUNDING, norms, relative};
 use crate::solve::transport::Transport;
@@ -13,8 +13,8 @@ use crate::solve::transport::Transport;
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TogetherParams {
-    /// Relative error of every source's irradiance at receivers, in the norm of squares. Divided by 1 / (1 − ρ), ρ the largest
-    /// albedo, it bounds the residual.
+    /// Relative error of every source's irradiance at receivers that is aimed at, in the norm of squares: the residual, relative
+    /// to the irradiance, is held to this times 1 − ρ, ρ the largest albedo. An estimate, not a bound: ‖K‖₂ may exceed ρ.
     pub error: f64,
     /// Products with the operator at the most.
     pub most: usize,
@@ -40,28 +40,28 @@ const LEAST_GAP: f64 = 1.0e-3;
 /// # Panics
 /// When there are not as many guesses as sources.
 pub fn solve_together<E>(
-    transport: &Transport<'_>,
+    (transport, links): (&Transport<'_>, &Links),
     sources: &[Source],
     guesses: Vec<Vec<Rgb>>,
     params: &TogetherParams,
     pause: &dyn Fn() -> Result<(), E>,
-) -> Result<(Vec<Column>, IterateReport), E> {
+) -> Result<(Vec<Transfer>, IterateReport), E> {
     assert_eq!(sources.len(), guesses.len(), "a first guess for each source");
     let (lights, report) = match params.bounces {
-        Some(bounces) => follow(transport, sources, (bounces, pause))?,
-        None => iterate(transport, sources, guesses, (params, pause))?,
+        Some(bounces) => follow((transport, links), sources, (bounces, pause))?,
+        None => iterate((transport, links), sources, guesses, (params, pause))?,
     };
-    let column = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
+    let transfer = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
         irradiance.iter_mut().for_each(|h| *h = h.max(Rgb::ZERO));
         let radiosity = transport.pull(&transport.push(&irradiance), Some(&source.own));
-        Column { irradiance, radiosity }
+        Transfer { irradiance, radiosity }
     };
-    Ok((lights.into_iter().zip(sources).map(column).collect(), report))
+    Ok((lights.into_iter().zip(sources).map(transfer).collect(), report))
 }
 
 /// The first few bounces.
 fn follow<E>(
-    transport: &Transport<'_>,
+    (transport, links): (&Transport<'_>, &Links),
     sources: &[Source],
     (bounces, pause): (usize, &dyn Fn() -> Result<(), E>),
 ) -> Result<(Vec<Vec<Rgb>>, IterateReport), E> {
@@ -69,7 +69,7 @@ fn follow<E>(
     let iterations = bounces.max(1);
     for _ in 0..iterations {
         pause()?;
-        lights = bounce(transport, &slices(&lights), sources);
+        lights = bounce((transport, links), &slices(&lights), sources);
     }
     Ok((
         lights,
@@ -78,7 +78,7 @@ fn follow<E>(
 }
 
 fn iterate<E>(
-    transport: &Transport<'_>,
+    (transport, links): (&Transport<'_>, &Links),
     sources: &[Source],
     mut lights: Vec<Vec<Rgb>>,
     (params, pause): (&TogetherParams, &dyn Fn() -> Result<(), E>),
@@ -94,7 +94,7 @@ fn iterate<E>(
     let mut report = IterateReport { residual: 1.0, error_bound: f64::INFINITY, ..Default::default() };
     loop {
         pause()?;
-        let images = bounce(transport, &slices(&lights), sources);
+        let images = bounce((transport, links), &slices(&lights), sources);
         report.iterations += 1;
         let residuals: Vec<Vec<Rgb>> =
             images.iter().zip(&lights).map(|(image, light)| minus(image, light)).collect();
@@ -113,7 +113,7 @@ fn iterate<E>(
         loop {
             pause()?;
             let directions: Vec<&[Rgb]> = cycles.iter().map(Cycle::last).collect();
-            let images = bounce(transport, &directions, &[]);
+            let images = bounce((transport, links), &directions, &[]);
             cycles.iter_mut().zip(&images).for_each(|(cycle, image)| cycle.take(image));
             report.iterations += 1;
             report.residual = worst(&mut cycles.iter().map(Cycle::residuals));
