@@ -44,7 +44,9 @@ pub struct Status {
     pub seconds: f64,
     /// Estimated time to the end of the stage, once there is something to judge by.
     pub eta_seconds: Option<f64>,
-    /// Resident memory now.
+    /// Anonymous resident memory now: what `--max-memory` counts.
+    pub anonymous_bytes: u64,
+    /// Resident memory now, files' pages included.
     pub resident_bytes: u64,
     /// Bytes of the job's files, once known.
     pub disk_bytes: u64,

@@ -231,6 +231,7 @@ impl Shared {
     fn status(&self, event: &'static str, running: &Running) -> Status {
         let done = self.done.load(Ordering::Relaxed);
         let seconds = running.started.elapsed().as_secs_f64();
+        let now = usage::resident();
         let remaining = running.total.filter(|_| done > 0).map(|total| total.saturating_sub(done) as f64);
         Status {
             event,
@@ -240,7 +241,8 @@ impl Shared {
             total: running.total,
             seconds,
             eta_seconds: remaining.map(|left| left * seconds / done as f64),
-            resident_bytes: usage::resident().bytes,
+            anonymous_bytes: now.anonymous_bytes,
+            resident_bytes: now.bytes,
             disk_bytes: self.disk.load(Ordering::Relaxed),
         }
     }

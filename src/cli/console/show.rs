@@ -144,7 +144,7 @@ fn describe(status: &Status) -> String {
         _ => format!("{} {}", show_count(status.done), status.unit),
     };
     let eta = status.eta_seconds.map_or("unknown".to_owned(), show_seconds);
-    let memory = show_bytes(status.resident_bytes);
+    let memory = show_bytes(status.anonymous_bytes);
     let disk = if status.disk_bytes > 0 {
         format!(", disk {}", show_bytes(status.disk_bytes))
     } else {
@@ -167,7 +167,8 @@ mod tests {
             total: Some(4800),
             seconds: 10.0,
             eta_seconds: Some(30.0),
-            resident_bytes: 3 << 29,
+            anonymous_bytes: 3 << 29,
+            resident_bytes: 4 << 29,
             disk_bytes: 0,
         };
         assert_eq!(describe(&status), "1 200/4 800 receivers, 25%, ETA 30 s, memory 1.5 GiB");
