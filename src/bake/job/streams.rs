@@ -98,7 +98,8 @@ impl Workshop<'_> {
 
     fn make(&self, mut contents: Contents, scene_path: &Path) -> Result<(Scene, Streamed)> {
         let mut streamed = Streamed::default();
-        let stage = Stage::start(self.monitor, "cut", "triangles", None);
+        let total = contents.parts.iter().filter_map(|part| part.streamed).map(|left| left.faces).sum();
+        let stage = Stage::start(self.monitor, "cut", "triangles", Some(total));
         let mut makings = Vec::new();
         for (number, part) in contents.parts.iter_mut().enumerate() {
             if part.streamed.is_none() {
@@ -129,7 +130,7 @@ impl Workshop<'_> {
             streamed.names.push(name);
         }
         streamed.stages.push(stage.finish());
-        let stage = Stage::start(self.monitor, "chunks", "triangles", None);
+        let stage = Stage::start(self.monitor, "chunks", "triangles", Some(total));
         for (making, name) in makings.into_iter().zip(&streamed.names) {
             let part = making.part;
             let detail = match making.source {
