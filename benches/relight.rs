@@ -107,7 +107,7 @@ fn measure(name: &str, error: f64, spacing: f32) -> glowtree::Result<()> {
         (0..baked.meshes.len()).max_by_key(|&m| relighter.scene().meshes[m].triangles.len()).unwrap_or(0);
     let painted = |k: usize| -> Lighting {
         let mut lighting = baked.clone();
-        let albedo = if k % 2 == 0 { Rgb::new(0.3, 0.5, 0.7) } else { Rgb::new(0.7, 0.4, 0.3) };
+        let albedo = if k.is_multiple_of(2) { Rgb::new(0.3, 0.5, 0.7) } else { Rgb::new(0.7, 0.4, 0.3) };
         lighting.meshes[mesh].paint = Paint::Plain(albedo);
         lighting
     };
