@@ -52,7 +52,7 @@ fn cut(
     let archive = path.with_extension("glow");
     let storage: Arc<dyn Storage> = Arc::new(Disk);
     let (placement, mut heard) = (placement.unwrap_or(own), 0);
-    write(&storage, &archive, digests(), (&stream, &shards, &placement), pause, |count| heard += count)?;
+    write((&storage, &archive), digests(), (&stream, &shards, &placement), pause, |count| heard += count)?;
     assert_eq!(heard, shards.triangles(), "all triangles are announced");
     Detail::open(&archive, Some(digests()))
 }

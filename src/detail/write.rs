@@ -84,8 +84,7 @@ struct Sums {
 /// # Errors
 /// The pause's; [`Error::DiskFull`], [`Error::Io`]; those of [`Shards::chunk`].
 pub fn write(
-    storage: &Arc<dyn Storage>,
-    path: &Path,
+    (storage, path): (&Arc<dyn Storage>, &Path),
     digests: Digests,
     (stream, shards, placement): (&Stream, &Shards, &Placement),
     pause: Pause<'_>,

@@ -20,7 +20,7 @@ const FLOAT: u32 = 5126;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const ARRAY_BUFFER: u32 = 34_962;
-const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
+const INDEX_BUFFER: u32 = 34_963;
 
 /// All that is known of a vertex.
 struct Vertex<'a> {
@@ -137,9 +137,7 @@ fn document(scene: &Scene, exposure: f32) -> Value {
         offset += bytes;
     }
     let bytes = 12 * scene.triangles.len();
-    views.push(
-        json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes, "target": ELEMENT_ARRAY_BUFFER }),
-    );
+    views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes, "target": INDEX_BUFFER }));
     // A mesh without a triangle is none in this format.
     let drawn: Vec<&Mesh> = scene.meshes.iter().filter(|mesh| !mesh.triangles.is_empty()).collect();
     let mut accessors = Vec::new();

@@ -29,7 +29,7 @@ fn run(mesh: &Path, archive: &Path, stop: u64) -> (Result<()>, u64) {
         let [low, high] = shards.bounds();
         let placement = Placement { origin: low * 0.5 + high * 0.5, scale: (high - low).max_element() };
         let storage: Arc<dyn Storage> = Arc::new(Disk);
-        write(&storage, archive, digests(), (&stream, &shards, &placement), &pause, |_| ())
+        write((&storage, archive), digests(), (&stream, &shards, &placement), &pause, |_| ())
     };
     (whole(), asked.into_inner())
 }

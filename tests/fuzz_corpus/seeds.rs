@@ -193,5 +193,5 @@ fn cut(mesh: &std::path::Path, archive: &std::path::Path) -> glowtree::Result<()
     let [low, high] = shards.bounds();
     let placement = Placement { origin: low * 0.5 + high * 0.5, scale: (high - low).max_element() };
     let storage: Arc<dyn Storage> = Arc::new(Disk);
-    write(&storage, archive, archive_digests(), (&stream, &shards, &placement), pause, |_| ())
+    write((&storage, archive), archive_digests(), (&stream, &shards, &placement), pause, |_| ())
 }

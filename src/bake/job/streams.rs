@@ -224,7 +224,7 @@ impl Workshop<'_> {
             // Who asks to stop is heard by the pause.
             let _ = stage.advance(triangles);
         };
-        detail::write(self.storage, path, digests, (stream, shards, placement), self.pause, advance)?;
+        detail::write((self.storage, path), digests, (stream, shards, placement), self.pause, advance)?;
         Detail::open(path, Some(digests))
     }
 }
