@@ -1,5 +1,6 @@
 //! Other lights and other albedos for a finished job, without new rows.
 
+mod apart;
 mod change;
 mod keys;
 mod lighting;
@@ -28,6 +29,7 @@ use crate::solve::relight::{Links, Source, TogetherParams, Transfer, solve_toget
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
+pub use apart::Alone;
 pub use keys::Keys;
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;

@@ -1,4 +1,4 @@
-//! `glowtree export JOB -o out.{ply,glb}`
+//! `glowtree export JOB -o out.{ply,glb,html}`
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::bake::{self, Meter, Monitor as _, Stage};
 use crate::cli::arguments::Export;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_count};
-use crate::cli::verbs::Written;
+use crate::cli::verbs::{Written, page};
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::output::file::check_folder;
@@ -21,16 +21,23 @@ use crate::solve::Irradiance;
 pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
+    if has_ending(&request.output, "html") {
+        page::write(&request.job, &request.output, console)?;
+        return report(&request.output, &meter, console);
+    }
     let job = bake::open(&request.job)?;
     write((&request.job, job.model()), &request.output, console)?;
-    let written = Written::file(&request.output, &meter);
+    report(&request.output, &meter, console)
+}
+
+fn report(output: &Path, meter: &Meter, console: &Console) -> Result<()> {
+    let written = Written::file(output, meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
 }
 
-/// Whether that is the ending of a viewer's file, which holds what memory holds.
-fn is_glb(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"))
+fn has_ending(path: &Path, wanted: &str) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(wanted))
 }
 
 /// Writes a light of a job per vertex; for viewers, of meshes that stay in their files that of their proxies.
@@ -38,14 +45,14 @@ fn is_glb(path: &Path) -> bool {
 /// # Errors
 /// Those of [`ply::export`], [`glb::export`] and [`bake::pictures::write_streamed`], and interruptions.
 pub fn write((job, model): (&Path, &Model), output: &Path, console: &Console) -> Result<()> {
-    if !is_glb(output) && !model.details.is_empty() {
+    if !has_ending(output, "glb") && !model.details.is_empty() {
         return bake::pictures::write_streamed(output, (job, model), console).map(drop);
     }
     let scene = &model.scene;
     let stage = Stage::start(console, "mesh", "vertices", Some(scene.vertices.len() as u64));
     let evaluate = |points: &[SurfacePoint]| answer(model, points);
     let advance = |vertices| stage.advance(vertices);
-    if is_glb(output) {
+    if has_ending(output, "glb") {
         note_proxies(model, console);
         glb::export(output, scene, &evaluate, &advance)?;
     } else {

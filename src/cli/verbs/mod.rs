@@ -5,6 +5,7 @@ pub mod chart;
 pub mod export;
 pub mod inspect;
 pub mod packaging;
+pub mod page;
 pub mod points;
 pub mod relight;
 pub mod render;
