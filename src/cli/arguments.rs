@@ -192,8 +192,8 @@ pub struct Export {
     /// A baked job directory
     #[arg(value_name = "JOB")]
     pub job: PathBuf,
-    /// File to write: .ply with all that the mesh's file holds, or .glb for viewers
-    #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["ply", "glb"]))]
+    /// File to write: .ply with all that the mesh's file holds, .glb for other programs, or .html that one looks at in a browser
+    #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["ply", "glb", "html"]))]
     pub output: PathBuf,
 }
 

@@ -14,6 +14,7 @@ pub mod points;
 #[cfg(test)]
 mod synthetic;
 pub mod vertices;
+pub mod viewer;
 
 use crate::error::Result;
 use crate::geometry::SurfacePoint;

@@ -1,4 +1,4 @@
-//! `glowtree export JOB -o out.{ply,glb}`
+//! `glowtree export JOB -o out.{ply,glb,html}`
 
 use crate::bake::{self, Job, Meter, Stage};
 use crate::cli::arguments::Export;
@@ -8,6 +8,8 @@ use crate::cli::verbs::Written;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::output::file::check_folder;
+use crate::output::picture::{Quality, View, render};
+use crate::output::viewer::{self, Lit, Picture, ViewMesh};
 use crate::output::{glb, ply};
 
 /// Writes the light of the job per vertex.
@@ -18,8 +20,13 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
     let job = bake::open(&request.job)?;
-    let is_glb = request.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("glb"));
-    if !is_glb && !job.model().details.is_empty() {
+    let ends =
+        |with: &str| request.output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(with));
+    let is_glb = ends("glb");
+    if ends("html") {
+        note_proxies(&job, console);
+        view(&job, request, console)?;
+    } else if !is_glb && !job.model().details.is_empty() {
         bake::pictures::write_streamed(&job, &request.output, console)?;
     } else {
         let stage = Stage::start(console, "mesh", "vertices", Some(job.scene().vertices.len() as u64));
@@ -37,6 +44,50 @@ pub fn run(request: &Export, console: &Console) -> Result<()> {
     let written = Written::file(&request.output, &meter);
     console.result(&format!("{}: {}\n", written.output, show_bytes(written.written_bytes)))?;
     console.summary("export", &written)
+}
+
+/// The view that a page begins with, when the scene has no camera.
+const VIEW_SIZE: [u32; 2] = [1200, 800];
+
+/// The page begins with the exposure of a picture that many times smaller.
+const SMALLER: u32 = 8;
+
+/// Writes the page that one looks at in a browser.
+fn view(job: &Job, request: &Export, console: &Console) -> Result<()> {
+    let scene = job.scene();
+    let mesh = ViewMesh::new(scene, viewer::VERTICES);
+    let stage = Stage::start(console, "mesh", "vertices", Some(mesh.points.len() as u64));
+    let lit = lights(job, &mesh.points, &stage)?;
+    let view = View::choose(scene, job.bvh(), None, VIEW_SIZE)?;
+    let mut small = view.clone();
+    small.camera.size = view.camera.size.map(|pixels| pixels.div_ceil(SMALLER));
+    let evaluate = |points: &[SurfacePoint]| job.evaluate(points);
+    let film = render(scene, job.bvh(), &evaluate, (&small, Quality::PREVIEW), &|_| Ok(()))?;
+    let mut picture = Picture {
+        title: title(job),
+        scene,
+        mesh,
+        lit,
+        dots: viewer::dots(&job.model().sites),
+        view,
+        exposure: film.exposure(),
+        level: job.model().solution.level,
+    };
+    picture.drop_dark_backs();
+    viewer::write(&request.output, &picture)?;
+    stage.finish();
+    job.sound()
+}
+
+/// The lights of a job at the vertices of a page: what its sliders weigh.
+fn lights(job: &Job, points: &[SurfacePoint], stage: &Stage<'_>) -> Result<Lit> {
+    Lit::together(job.scene(), points, &|points| answer(job, points), &|vertices| stage.advance(vertices))
+}
+
+/// The name of the job's folder without its ending.
+fn title(job: &Job) -> String {
+    let stem = job.directory().file_stem();
+    stem.map_or_else(|| "glowtree".into(), |stem| crate::error::one_line(&stem.to_string_lossy(), 80))
 }
 
 /// Light at vertices; those of proxies lie beside the surface and are set onto it first.

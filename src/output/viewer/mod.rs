@@ -1,0 +1,174 @@
+//! A page that shows the light in a browser: one file without network, whose shader adds the lights up, so that each can
+//! be dimmed and coloured while one looks.
+//!
+//! Light adds up: B = Σ w (e + ρ H / π), with a weight w of three channels for each light. The page holds the albedo ρ and
+//! each light's irradiance H at every vertex as textures; moving a slider changes w, some bytes a light, and nothing else.
+
+mod encode;
+pub mod mesh;
+mod page;
+
+use crate::error::Result;
+use crate::geometry::SurfacePoint;
+use crate::light::Rgb;
+use crate::output::picture::View;
+use crate::output::{Advance, Evaluate};
+use crate::scene::Scene;
+use crate::sites::Sites;
+
+pub use mesh::ViewMesh;
+pub use page::write;
+
+/// Vertices that a scene of few is cut to: two pixels apart on a wall that fills the screen.
+pub const VERTICES: usize = 200_000;
+
+/// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
+pub const MOST_SITES: usize = 300_000;
+
+/// Vertices evaluated at a time.
+const BATCH: usize = 1 << 12;
+
+/// One light, by what it does at the vertices of a [`ViewMesh`].
+#[derive(Debug, Clone)]
+pub struct ViewLight {
+    /// The slider's label.
+    pub name: String,
+    /// What falls on each vertex at weight 1 by this light alone, all bounces together, W·m⁻².
+    pub irradiance: Vec<Rgb>,
+    /// The meshes of the scene whose own radiance is this light's.
+    pub glowing: Vec<u32>,
+    /// Whether the sky behind the scene is this light's.
+    pub is_sky: bool,
+}
+
+/// What is known at the vertices of a [`ViewMesh`].
+#[derive(Debug, Clone)]
+pub struct Lit {
+    /// The lights, in the order of their sliders; the picture at weights 1 is their sum.
+    pub lights: Vec<ViewLight>,
+    /// Cosine-weighted share of the sky that each vertex sees, in [0, 1].
+    pub ambient: Vec<f32>,
+    /// Estimated standard error of the mean-channel irradiance at each, W·m⁻².
+    pub error: Vec<f32>,
+}
+
+impl Lit {
+    /// All light as one, as the job was baked. `advance` counts points.
+    ///
+    /// # Errors
+    /// What `advance` says.
+    pub fn together(
+        scene: &Scene,
+        points: &[SurfacePoint],
+        evaluate: &Evaluate<'_>,
+        advance: &Advance<'_>,
+    ) -> Result<Self> {
+        let mut all = ViewLight {
+            name: "all light".into(),
+            irradiance: Vec::with_capacity(points.len()),
+            glowing: (0..scene.meshes.len() as u32).collect(),
+            is_sky: true,
+        };
+        let (mut ambient, mut error) = (Vec::new(), Vec::new());
+        for batch in points.chunks(BATCH) {
+            for answer in evaluate(batch) {
+                all.irradiance.push(answer.total());
+                ambient.push(answer.sky_visibility);
+                error.push(answer.error);
+            }
+            advance(batch.len() as u64)?;
+        }
+        Ok(Self { lights: vec![all], ambient, error })
+    }
+}
+
+/// A site as a dot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dot {
+    /// Local position, lifted off the surface by a tenth of the spacing.
+    pub position: [f32; 3],
+    /// Level, root = 0.
+    pub level: f32,
+    /// Poisson spacing, local units.
+    pub spacing: f32,
+}
+
+/// The sites as dots: the first [`MOST_SITES`] by level.
+pub fn dots(sites: &Sites) -> Vec<Dot> {
+    let mut order: Vec<usize> = (0..sites.len()).collect();
+    order.sort_by_key(|&k| sites.levels[k]);
+    order.truncate(MOST_SITES);
+    let dot = |k: usize| Dot {
+        position: (sites.positions[k] + 0.1 * sites.spacings[k] * sites.normals[k]).to_array(),
+        level: f32::from(sites.levels[k]),
+        spacing: sites.spacings[k],
+    };
+    order.into_iter().map(dot).collect()
+}
+
+/// Everything that the page shows.
+pub struct Picture<'a> {
+    /// The page's title.
+    pub title: String,
+    /// Whose materials and sky are shown.
+    pub scene: &'a Scene,
+    /// Vertices and triangles.
+    pub mesh: ViewMesh,
+    /// Light at the vertices.
+    pub lit: Lit,
+    /// The sites.
+    pub dots: Vec<Dot>,
+    /// Where the page looks from at first.
+    pub view: View,
+    /// The factor from radiance to the display's linear range that the page begins with.
+    pub exposure: f32,
+    /// Mean irradiance that errors are shown relative to, W·m⁻².
+    pub level: f32,
+}
+
+impl Picture<'_> {
+    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
+    /// side's back is black, as it would be.
+    pub fn drop_dark_backs(&mut self) {
+        let dark = |v: u32| {
+            let v = v as usize;
+            let unlit = self.lit.lights.iter().all(|light| light.irradiance[v].max_element() <= 0.0);
+            unlit && self.scene.meshes[self.mesh.meshes[v] as usize].radiance == Rgb::ZERO
+        };
+        // Fronts and backs take turns.
+        let mut kept = Vec::new();
+        for pair in self.mesh.two_sided.chunks_exact(2) {
+            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
+                [_, true] => self.mesh.one_sided.push(pair[0]),
+                [true, false] => self.mesh.one_sided.push(pair[1]),
+                [false, false] => kept.extend_from_slice(pair),
+            }
+        }
+        self.mesh.two_sided = kept;
+        self.drop_unused();
+    }
+
+    /// Leaves out the vertices that no triangle uses.
+    fn drop_unused(&mut self) {
+        let mut used = vec![false; self.mesh.points.len()];
+        let triangles = || self.mesh.one_sided.iter().chain(&self.mesh.two_sided);
+        triangles().flatten().for_each(|&v| used[v as usize] = true);
+        let mut next = 0;
+        let place: Vec<u32> = used.iter().map(|&used| (next, next += u32::from(used)).0).collect();
+        for triangle in self.mesh.one_sided.iter_mut().chain(&mut self.mesh.two_sided) {
+            *triangle = triangle.map(|v| place[v as usize]);
+        }
+        keep(&mut self.mesh.points, &used);
+        keep(&mut self.mesh.albedo, &used);
+        keep(&mut self.mesh.meshes, &used);
+        keep(&mut self.lit.ambient, &used);
+        keep(&mut self.lit.error, &used);
+        self.lit.lights.iter_mut().for_each(|light| keep(&mut light.irradiance, &used));
+    }
+}
+
+/// Keeps the values whose place is used.
+fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
+    let mut used = used.iter();
+    values.retain(|_| used.next().is_some_and(|&used| used));
+}
