@@ -57,7 +57,7 @@ fn view(job: &Job, request: &Export, console: &Console) -> Result<()> {
     let scene = job.scene();
     let mesh = ViewMesh::new(scene, viewer::VERTICES);
     let stage = Stage::start(console, "mesh", "vertices", Some(mesh.points.len() as u64));
-    let lit = lights(job, &mesh.points, &stage)?;
+    let lit = lights(job, &mesh.asked, &stage)?;
     let view = View::choose(scene, job.bvh(), None, VIEW_SIZE)?;
     let mut small = view.clone();
     small.camera.size = view.camera.size.map(|pixels| pixels.div_ceil(SMALLER));

@@ -159,6 +159,7 @@ impl Picture<'_> {
             *triangle = triangle.map(|v| place[v as usize]);
         }
         keep(&mut self.mesh.points, &used);
+        keep(&mut self.mesh.asked, &used);
         keep(&mut self.mesh.albedo, &used);
         keep(&mut self.mesh.meshes, &used);
         keep(&mut self.lit.ambient, &used);

@@ -275,7 +275,9 @@ function step() {
     cover(showing, null, { frame: [gl.TEXTURE_2D, frame.texture] }, "over", 1);
   } else {
     const [i, j] = [summed % 4, Math.floor(summed / 4)];
-    drawScene(frame.frame, [(2 * tent((i + 0.5) / 4)) / width, (2 * tent((j + 0.5) / 4)) / height], state.view);
+    // Sixteen rows and columns of a pixel, one place in each: edges along the axes are as smooth as others.
+    const [x, y] = [(i + (j + 0.5) / 4) / 4, (j + (i + 0.5) / 4) / 4].map(tent);
+    drawScene(frame.frame, [(2 * x) / width, (2 * y) / height], state.view);
     const [into, before] = [sums[summed % 2], sums[(summed + 1) % 2]];
     cover(summing, into.frame,
       { frame: [gl.TEXTURE_2D, frame.texture], before: [gl.TEXTURE_2D, before.texture] }, "keep", summed);

@@ -1,0 +1,258 @@
+//! The page for browsers: what it holds is what the job says, and what it shows is what `render` shows.
+
+#![allow(clippy::unwrap_used)] // a test that cannot go on panics where it stands
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use glam::Vec3;
+use glowtree::bake::{self, Job, Options};
+use glowtree::geometry::SurfacePoint;
+use glowtree::light::Rgb;
+use glowtree::output::exposure;
+use glowtree::output::picture::{Quality, View, render};
+use glowtree::output::viewer::{self, Lit, Picture, ViewLight, ViewMesh};
+use glowtree::solve::Irradiance;
+use serde_json::{Value, json};
+
+/// What a page has outside its blocks of numbers, and the blocks.
+struct Page {
+    text: String,
+    header: Value,
+}
+
+impl Page {
+    fn read(path: &Path) -> Self {
+        let text = std::fs::read_to_string(path).unwrap();
+        let header = serde_json::from_str(Self::within(&text, "header")).unwrap();
+        Self { text, header }
+    }
+
+    fn within<'a>(text: &'a str, id: &str) -> &'a str {
+        let (_, rest) = text.split_once(&format!("id=\"{id}\">")).unwrap();
+        rest.split_once("</script>").unwrap().0
+    }
+
+    fn block(&self, id: &str) -> Vec<u8> {
+        let text = Self::within(&self.text, id);
+        let digit = |c: u8| match c {
+            b'A'..=b'Z' => c - b'A',
+            b'a'..=b'z' => c - b'a' + 26,
+            b'0'..=b'9' => c - b'0' + 52,
+            b'+' => 62,
+            b'/' => 63,
+            _ => panic!("{c} in block {id}"),
+        };
+        let bytes = text.trim_end_matches('=').as_bytes().chunks(4).flat_map(|four| {
+            let word =
+                four.iter().enumerate().fold(0u32, |w, (k, &c)| w | u32::from(digit(c)) << (18 - 6 * k));
+            word.to_be_bytes()[1..four.len()].to_vec()
+        });
+        bytes.collect()
+    }
+
+    fn words(&self, id: &str) -> Vec<u32> {
+        self.block(id).chunks_exact(4).map(|four| u32::from_le_bytes(four.try_into().unwrap())).collect()
+    }
+}
+
+fn baked(folder: &Path) -> Job {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/cornell/scene.toml");
+    let job = folder.join("cornell.glow");
+    bake::run(&scene, &job, &Options { error: 0.05, ..Options::default() }, &bake::Silent).unwrap();
+    bake::open(&job).unwrap()
+}
+
+/// The job's light as two: what comes from the lamp directly, the lamp's own glow with it, and the rest.
+fn picture(job: &Job, vertices: usize) -> Picture<'_> {
+    let mesh = ViewMesh::new(job.scene(), vertices);
+    let answers = job.evaluate(&mesh.asked);
+    let light = |name: &str, glowing: Vec<u32>, part: fn(&Irradiance) -> Rgb| ViewLight {
+        name: name.into(),
+        irradiance: answers.iter().map(part).collect(),
+        glowing,
+        is_sky: false,
+    };
+    let all = (0..job.scene().meshes.len() as u32).collect();
+    let lights = vec![
+        light("direct </script> & \"light\"", all, |a| a.direct),
+        light("indirect", vec![], |a| a.indirect),
+    ];
+    let lit = Lit {
+        lights,
+        ambient: answers.iter().map(|a| a.sky_visibility).collect(),
+        error: answers.iter().map(|a| a.error).collect(),
+    };
+    let view = View::choose(job.scene(), job.bvh(), None, [64, 64]).unwrap();
+    let dots = viewer::dots(&job.model().sites);
+    let title = "cornell".into();
+    Picture {
+        title,
+        scene: job.scene(),
+        mesh,
+        lit,
+        dots,
+        view,
+        exposure: 4.0,
+        level: job.model().solution.level,
+    }
+}
+
+#[test]
+fn the_page_holds_what_the_job_says_and_asks_for_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let job = baked(folder.path());
+    let picture = picture(&job, 3_000);
+    let path = folder.path().join("view.html");
+    viewer::write(&path, &picture).unwrap();
+    let page = Page::read(&path);
+    let blocks = ["vertices", "fields", "indices", "sky", "dots"];
+    let plain =
+        blocks.iter().fold(page.text.clone(), |text, id| text.replace(Page::within(&page.text, id), ""));
+    for outside in ["http:", "https:", "src=", "href=", "url(", "import(", "fetch(", "XMLHttp", "WebSocket"] {
+        assert!(!plain.contains(outside), "the page speaks of {outside}");
+    }
+    assert_eq!(plain.matches("</script>").count(), blocks.len() + 2, "names cannot end a block");
+    assert_eq!(page.header["lights"][0]["name"], "direct </script> & \"light\"");
+
+    let count = page.header["count"].as_u64().unwrap() as usize;
+    assert_eq!(count, picture.mesh.points.len());
+    let (vertices, fields, indices) = (page.words("vertices"), page.words("fields"), page.words("indices"));
+    assert_eq!((vertices.len(), fields.len()), (5 * count, 3 * count));
+    assert_eq!(indices.len(), 3 * picture.mesh.one_sided.len());
+    let colour = |word: u32| {
+        let step = f32::from_bits(((word >> 27) + 127 - 24) << 23);
+        Vec3::from_array([0, 9, 18].map(|shift| (word >> shift & 511) as f32 * step))
+    };
+    let scale = |k: usize| page.header["lights"][k]["scale"].as_f64().unwrap() as f32;
+    let answers = job.evaluate(&picture.mesh.asked);
+    for (v, answer) in answers.iter().enumerate() {
+        let position = Vec3::from_array([0, 1, 2].map(|k| f32::from_bits(vertices[5 * v + k])));
+        assert_eq!(position, picture.mesh.points[v].position);
+        for (k, part) in [answer.direct, answer.indirect].into_iter().enumerate() {
+            let held = colour(fields[(1 + k) * count + v]) * scale(k);
+            // Half a step of a shared exponent is 1/512 of the largest channel, and of 2^-16 of the scale below that.
+            let bound = part.max_element().max(scale(k) * 2f32.powi(-16)) / 512.0 + 1e-6 * scale(k);
+            assert!((held - part).abs().max_element() <= bound, "vertex {v}, light {k}: {held}, not {part}");
+        }
+    }
+}
+
+/// A Chromium of this machine.
+fn chromium() -> Option<PathBuf> {
+    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
+    let names = ["chromium", "chromium-browser", "google-chrome"];
+    let found = names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
+    let found = found.into_iter().find(|path| path.is_file());
+    if found.is_none() {
+        println!("skipped: there is no Chromium in PATH");
+    }
+    found
+}
+
+/// Shows a page without a screen; what it writes to standard output.
+fn show(chromium: &Path, profile: &Path, page: (&Path, &Value), flags: &[String]) -> String {
+    let settings: String = page.1.to_string().bytes().map(|byte| format!("%{byte:02X}")).collect();
+    let mut command = Command::new(chromium);
+    command
+        .args(["--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"])
+        .args(["--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-device-scale-factor=1"])
+        .args(["--no-first-run", "--disable-background-networking", "--virtual-time-budget=10000"])
+        .arg(format!("--user-data-dir={}", profile.display()))
+        .args(flags)
+        .arg(format!("file://{}#width=512&height=512&set={settings}", page.0.display()))
+        .stderr(Stdio::null());
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", output.status);
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// The program's own picture under weights, as sRGB bytes.
+fn rendered(job: &Job, view: &View, weights: [Rgb; 2], exposed: f32) -> Vec<[u8; 3]> {
+    let mut scene = job.scene().clone();
+    scene.meshes.iter_mut().for_each(|mesh| mesh.radiance *= weights[0]);
+    let weighed = |points: &[SurfacePoint]| -> Vec<Irradiance> {
+        let weigh = |a: Irradiance| Irradiance {
+            direct: weights[0] * a.direct,
+            indirect: weights[1] * a.indirect,
+            ..a
+        };
+        job.evaluate(points).into_iter().map(weigh).collect()
+    };
+    let film = render(&scene, job.bvh(), &weighed, (view, Quality::FINE), &|_| Ok(())).unwrap();
+    film.pixels.iter().map(|pixel| exposure::srgb(pixel.radiance(), exposed)).collect()
+}
+
+#[test]
+fn three_settings_of_the_sliders_show_what_render_shows() {
+    let Some(chromium) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let job = baked(folder.path());
+    let picture = picture(&job, viewer::VERTICES);
+    let path = folder.path().join("view.html");
+    viewer::write(&path, &picture).unwrap();
+    assert_eq!(picture.view.camera.size, [512, 512]);
+    let settings = [
+        ([Vec3::ONE, Vec3::ONE], 4.0),
+        ([Vec3::splat(0.25), Vec3::splat(2.0)], 5.0),
+        ([Vec3::new(1.0, 0.3, 0.1), Vec3::new(0.2, 0.6, 1.5)], 3.0),
+    ];
+    for (k, (weights, exposed)) in settings.into_iter().enumerate() {
+        let shot = folder.path().join(format!("shot{k}.png"));
+        let flags = ["--window-size=512,512".to_owned(), format!("--screenshot={}", shot.display())];
+        let set = json!({ "weights": weights.map(|w| w.to_array()), "exposure": exposed });
+        show(&chromium, &folder.path().join("profile"), (&path, &set), &flags);
+        let shown = image::open(&shot).unwrap().to_rgb8();
+        assert_eq!(shown.dimensions(), (512, 512));
+        let expected = rendered(&job, &picture.view, weights, exposed);
+        let differences = shown.pixels().zip(&expected).flat_map(|(a, b)| {
+            a.0.into_iter().zip(*b).map(|(a, b)| f64::from(a) - f64::from(b)).collect::<Vec<_>>()
+        });
+        let sum: f64 = differences.map(|d| d * d).sum();
+        let rms = (sum / (3 * expected.len()) as f64).sqrt();
+        println!("setting {k}: {rms:.3} of 255 rms");
+        // The bound is the one that was asked for. It covers light that is linear between vertices two pixels apart
+        // (0.7 at shadows), colours of nine bits (0.3), and edges, whose sixteen samples a pixel lie elsewhere (1.2).
+        assert!(rms <= 2.0, "setting {k}: {rms} of 255 rms");
+    }
+}
+
+#[test]
+fn moving_a_slider_sends_a_few_bytes_and_no_vertices() {
+    let Some(chromium) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let job = baked(folder.path());
+    let path = folder.path().join("view.html");
+    viewer::write(&path, &picture(&job, 20_000)).unwrap();
+    // Counts what goes to the graphics card; after the first picture, three sliders' moves.
+    const COUNTER: &str = r#"<script>
+let sent = 0, made = 0;
+for (const name of ["bufferData", "bufferSubData", "texImage2D", "texSubImage2D", "texSubImage3D"]) {
+  const plain = WebGL2RenderingContext.prototype[name];
+  WebGL2RenderingContext.prototype[name] = function (...given) {
+    sent += given.reduce((sum, one) => sum + (ArrayBuffer.isView(one) ? one.byteLength : 0), 0);
+    return plain.apply(this, given);
+  };
+}
+const frames = (left, then) => requestAnimationFrame(() => left ? frames(left - 1, then) : then());
+addEventListener("load", () => frames(3, () => {
+  const first = sent;
+  const move = (left) => {
+    if (left) return glowtree.set({ weights: [[left, 1, 0], [1, 1, left]] }), made++, frames(3, () => move(left - 1));
+    document.body.dataset.bytes = `${first} ${sent - first} ${made}`;
+  };
+  move(3);
+}));
+</script>"#;
+    let text = std::fs::read_to_string(&path).unwrap().replacen("<title>", &format!("{COUNTER}<title>"), 1);
+    std::fs::write(&path, text).unwrap();
+    let page =
+        show(&chromium, &folder.path().join("profile"), (&path, &json!({})), &["--dump-dom".to_owned()]);
+    let (_, rest) = page.split_once("data-bytes=\"").expect("the page ran to its end");
+    let counts: Vec<u64> = rest.split_once('"').unwrap().0.split(' ').map(|n| n.parse().unwrap()).collect();
+    println!("{counts:?} bytes at first, bytes of moves, moves");
+    // 32 bytes a vertex go at first. A move sends a weight of 16 bytes for each of two lights and one emitter; a frame more
+    // or less does not matter.
+    assert!(counts[0] > 32 * 14_000 && counts[2] == 3, "{counts:?}");
+    assert!(counts[1] > 0 && counts[1] <= 4 * 3 * 48, "{counts:?}");
+}
