@@ -34,14 +34,11 @@ fn take_file_normals(mesh: &Mesh, normals: &mut [Vec3]) {
 /// The normal that a picture shades with at (u, v) of a triangle: corner normals interpolated, creases kept.
 pub fn smooth_normal(scene: &Scene, normals: &[Vec3], id: u32, [u, v]: [f32; 2]) -> Vec3 {
     let face = scene.normal(id);
-    let [a, b, c] = scene.triangles[id as usize].map(|k| corner_normal(normals, k, face));
+    let [a, b, c] = scene.triangles[id as usize].map(|k| {
+        let normal = normals[k as usize];
+        if normal.dot(face) > CREASE_COSINE { normal } else { face }
+    });
     (a * (1.0 - u - v) + b * u + c * v).normalize_or(face)
-}
-
-/// The normal that a picture shades with at a corner of a face: the vertex's, or at a crease the face's.
-pub fn corner_normal(normals: &[Vec3], vertex: u32, face: Vec3) -> Vec3 {
-    let normal = normals[vertex as usize];
-    if normal.dot(face) > CREASE_COSINE { normal } else { face }
 }
 
 #[cfg(test)]

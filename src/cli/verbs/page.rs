@@ -2,98 +2,102 @@
 
 use std::path::Path;
 
+use crate::bake::model::Model;
+use crate::bake::relight::Alone;
 use crate::bake::{Monitor, Relighter, Stage};
 use crate::cli::console::Console;
-use crate::error::Result;
+use crate::error::{Result, one_line};
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
-use crate::output::picture::{View, frame};
-use crate::output::viewer::{DenseMesh, Page, ViewLight};
+use crate::output::picture::{Quality, View, render};
+use crate::output::viewer::{self, Lit, Picture, ViewLight, ViewMesh};
 use crate::solve::Irradiance;
 
-/// Pixels of a view of a scene without a camera.
-const SIZE: [u32; 2] = [768, 512];
+/// The view that a page begins with, when the scene has no camera.
+const VIEW_SIZE: [u32; 2] = [1200, 800];
 
-/// Irradiance over the mean below which a vertex lies where no light comes, as within solids.
-const UNLIT: f32 = 1.0e-4;
+/// The page begins with the exposure of a picture that many times smaller.
+const SMALLER: u32 = 8;
 
 /// Points asked together.
 const BATCH: usize = 1 << 15;
 
-/// Writes a page that shows the job and relights it.
+/// Writes the page that one looks at in a browser, with a slider for each light.
 ///
 /// # Errors
-/// Those of opening the job, of [`Page::write`], and interruptions.
+/// Those of opening the job, of [`viewer::write`], and interruptions.
 pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     let mut relighter = Relighter::open(job)?;
     relighter.prepare_with(&|| console.check())?;
-    let model = relighter.model();
-    let mesh = DenseMesh::new(&model.scene);
-    let at = mesh.asked().into_iter().zip(&mesh.vertices);
-    let mut points: Vec<SurfacePoint> =
-        at.map(|(position, vertex)| SurfacePoint { position, normal: vertex.normal }).collect();
-    if !model.details.is_empty() {
-        // Vertices of proxies lie beside the surface.
-        points.iter_mut().for_each(|point| *point = model.around().footing(point).1);
-    }
-    let view = match model.scene.cameras.first() {
-        Some(camera) => View { camera: camera.clone(), see_through: false },
-        None => frame(&model.scene, &model.bvh, SIZE),
-    };
     let baked = relighter.baked().clone();
     let apart = baked.apart(relighter.scene());
-    let total = points.len() as u64 * (apart.len() as u64 + 1);
-    let stage = Stage::start(console, "vertices", "vertices", Some(total));
-    let together = answers(&mut relighter, &points, &stage)?;
-    let sites = relighter.model().sites.positions.clone();
-    let mut radiosity = relighter.radiosity().to_vec();
-    let exitance = relighter.model().exitance.clone();
-    radiosity.iter_mut().zip(exitance).for_each(|(b, e)| *b = b.max(e));
-    let mean = together.iter().map(|light| light.total().max_element()).sum::<f32>() / points.len() as f32;
-    let unlit: Vec<bool> = together.iter().map(|light| light.total().max_element() <= UNLIT * mean).collect();
-    let mut lights = Vec::with_capacity(apart.len());
+    let model = relighter.model();
+    let mesh = ViewMesh::new(&model.scene, viewer::VERTICES);
+    let points = set_down(model, &mesh.asked);
+    let stage =
+        Stage::start(console, "mesh", "vertices", Some(points.len() as u64 * (1 + apart.len() as u64)));
+    let mut lit = Lit { lights: Vec::new(), ambient: Vec::new(), error: Vec::new() };
+    for light in answers(model, &points, &stage)? {
+        lit.ambient.push(light.sky_visibility);
+        lit.error.push(light.error);
+    }
     for light in apart {
         relighter.relight_with(&light.lighting, &|| console.check())?;
-        let answers = answers(&mut relighter, &points, &stage)?;
-        let exitance = |mesh: usize| light.lighting.meshes[mesh].radiance * std::f32::consts::PI;
-        let mut irradiance: Vec<Rgb> = answers.iter().map(|light| light.total().max(Rgb::ZERO)).collect();
-        mesh.lighten(&unlit, &mut irradiance);
-        lights.push(ViewLight {
-            name: light.name,
-            irradiance,
-            surface: light.mesh.map(|mesh| (mesh, exitance(mesh))),
-            is_sky: light.is_sky,
-        });
+        lit.lights.push(named(light, answers(relighter.model(), &points, &stage)?));
     }
-    stage.finish();
-    relighter.relight(&baked)?;
+    relighter.relight_with(&baked, &|| console.check())?;
     let model = relighter.model();
-    let title = job.file_stem().unwrap_or_default().to_string_lossy();
-    let note = if model.details.is_empty() { "the light of the job" } else { "in place of meshes in files" };
-    let [open, error] = [|l: &Irradiance| l.sky_visibility, |l: &Irradiance| l.error]
-        .map(|of| together.iter().map(of).collect::<Vec<f32>>());
-    let page = Page {
-        title: &title,
+    let view = View::choose(&model.scene, &model.bvh, None, VIEW_SIZE)?;
+    let title =
+        job.file_stem().map_or_else(|| "glowtree".into(), |stem| one_line(&stem.to_string_lossy(), 80));
+    let mut picture = Picture {
+        title,
         scene: &model.scene,
-        mesh: &mesh,
-        lights: &lights,
-        ambient_occlusion: &open,
-        error: &error,
-        sites: (&sites, &radiosity),
-        view: &view,
-        note,
+        mesh,
+        lit,
+        dots: viewer::dots(&model.sites),
+        exposure: exposure(model, &view)?,
+        view,
+        level: model.solution.level,
     };
-    page.write(output)?;
+    picture.drop_dark_backs();
+    viewer::write(output, &picture)?;
+    stage.finish();
     model.bvh.sound()
 }
 
+/// Vertices of proxies lie beside the surface.
+fn set_down(model: &Model, points: &[SurfacePoint]) -> Vec<SurfacePoint> {
+    if model.details.is_empty() {
+        return points.to_vec();
+    }
+    points.iter().map(|point| model.around().footing(point).1).collect()
+}
+
 /// The light of now at all points.
-fn answers(relighter: &mut Relighter, points: &[SurfacePoint], stage: &Stage<'_>) -> Result<Vec<Irradiance>> {
-    let field = relighter.model().field();
+fn answers(model: &Model, points: &[SurfacePoint], stage: &Stage<'_>) -> Result<Vec<Irradiance>> {
     let mut answers = Vec::with_capacity(points.len());
     for batch in points.chunks(BATCH) {
-        answers.extend(field.evaluate_crowd(batch));
+        answers.extend(model.field().evaluate_crowd(batch));
         stage.advance(batch.len() as u64)?;
     }
     Ok(answers)
+}
+
+fn named(light: Alone, answers: Vec<Irradiance>) -> ViewLight {
+    ViewLight {
+        name: light.name,
+        irradiance: answers.iter().map(|light| light.total().max(Rgb::ZERO)).collect(),
+        glowing: light.mesh.map(|mesh| mesh as u32).into_iter().collect(),
+        is_sky: light.is_sky,
+    }
+}
+
+/// That of a small picture.
+fn exposure(model: &Model, view: &View) -> Result<f32> {
+    let mut small = view.clone();
+    small.camera.size = view.camera.size.map(|pixels| pixels.div_ceil(SMALLER));
+    let evaluate = |points: &[SurfacePoint]| model.field().evaluate(points);
+    let film = render(&model.scene, &model.bvh, &evaluate, (&small, Quality::PREVIEW), &|_| Ok(()))?;
+    Ok(film.exposure())
 }

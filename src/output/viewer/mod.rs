@@ -1,215 +1,175 @@
-//! A page that shows a scene in the light of its lamps and relights it while one looks: one file, nothing from elsewhere.
+//! A page that shows the light in a browser: one file without network, whose shader adds the lights up, so that each can
+//! be dimmed and coloured while one looks.
+//!
+//! Light adds up: B = Σ w (e + ρ H / π), with a weight w of three channels for each light. The page holds the albedo ρ and
+//! each light's irradiance H at every vertex as textures; moving a slider changes w, some bytes a light, and nothing else.
 
-mod mesh;
+mod encode;
+pub mod mesh;
+mod page;
 
-use std::io::Write;
-use std::path::Path;
+use crate::error::Result;
+use crate::geometry::SurfacePoint;
+use crate::light::Rgb;
+use crate::output::picture::View;
+use crate::output::{Advance, Evaluate};
+use crate::scene::Scene;
+use crate::sites::Sites;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD as BASE64;
-use glam::Vec3;
-use serde_json::json;
+pub use mesh::ViewMesh;
+pub use page::write;
 
-pub use mesh::{Back, DenseMesh, Vertex};
+/// Vertices that a scene of few is cut to: two pixels apart on a wall that fills the screen.
+pub const VERTICES: usize = 200_000;
 
-use super::exposure;
-use super::file::write_whole;
-use super::picture::View;
-use crate::error::{Error, Result};
-use crate::light::{Rgb, linear_to_srgb};
-use crate::scene::{Scene, Sky};
+/// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
+pub const MOST_SITES: usize = 300_000;
 
-const PAGE: &str = include_str!("page.html");
-const SCRIPT: &str = include_str!("page.js");
+/// Vertices evaluated at a time.
+const BATCH: usize = 1 << 12;
 
-/// Lights of a page at the most: the shader holds a colour for each.
-pub const MOST_LIGHTS: usize = 64;
-
-/// What one light does by itself.
+/// One light, by what it does at the vertices of a [`ViewMesh`].
 #[derive(Debug, Clone)]
 pub struct ViewLight {
-    /// What the slider is called.
+    /// The slider's label.
     pub name: String,
-    /// Irradiance at the vertices of the mesh, W·m⁻².
+    /// What falls on each vertex at weight 1 by this light alone, all bounces together, W·m⁻².
     pub irradiance: Vec<Rgb>,
-    /// The mesh of the scene that it is, and its exitance, W·m⁻².
-    pub surface: Option<(usize, Rgb)>,
-    /// Whether it is the sky.
+    /// The meshes of the scene whose own radiance is this light's.
+    pub glowing: Vec<u32>,
+    /// Whether the sky behind the scene is this light's.
     pub is_sky: bool,
 }
 
-/// What a page shows.
-pub struct Page<'a> {
-    /// Its title.
-    pub title: &'a str,
-    /// The scene.
-    pub scene: &'a Scene,
-    /// The mesh that stands for its surfaces.
-    pub mesh: &'a DenseMesh,
-    /// Lights, each by itself; together they are the scene's light.
-    pub lights: &'a [ViewLight],
-    /// Share of the sky that each vertex sees.
-    pub ambient_occlusion: &'a [f32],
-    /// Estimated error of the whole light at each vertex, W·m⁻².
-    pub error: &'a [f32],
-    /// Sites: local positions and radiosities.
-    pub sites: (&'a [Vec3], &'a [Rgb]),
-    /// The first view.
-    pub view: &'a View,
-    /// A remark on what is shown.
-    pub note: &'a str,
+/// What is known at the vertices of a [`ViewMesh`].
+#[derive(Debug, Clone)]
+pub struct Lit {
+    /// The lights, in the order of their sliders; the picture at weights 1 is their sum.
+    pub lights: Vec<ViewLight>,
+    /// Cosine-weighted share of the sky that each vertex sees, in [0, 1].
+    pub ambient: Vec<f32>,
+    /// Estimated standard error of the mean-channel irradiance at each, W·m⁻².
+    pub error: Vec<f32>,
 }
 
-impl Page<'_> {
-    /// Radiosity of a vertex in the light of all, W·m⁻².
-    pub fn radiosity(&self, vertex: usize) -> Rgb {
-        let at = &self.mesh.vertices[vertex];
-        let glow = |light: &ViewLight| match light.surface {
-            Some((mesh, exitance)) if mesh == at.mesh as usize => exitance,
-            _ => Rgb::ZERO,
-        };
-        self.lights.iter().map(|light| glow(light) + at.albedo * light.irradiance[vertex]).sum()
-    }
-
-    /// The factor that shows the light well.
-    pub fn exposure(&self) -> f32 {
-        let shown = |k| (exposure::luminance(self.radiosity(k)), 1.0);
-        exposure::automatic((0..self.mesh.vertices.len()).map(shown))
-    }
-
-    /// Writes the page.
+impl Lit {
+    /// All light as one, as the job was baked. `advance` counts points.
     ///
     /// # Errors
-    /// [`Error::Usage`] for more than [`MOST_LIGHTS`] lights; input/output errors.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        if self.lights.len() > MOST_LIGHTS {
-            let problem = format!("{} lights, and a page has at most {MOST_LIGHTS}", self.lights.len());
-            return Err(Error::Usage(format!("{}: {problem}", path.display())));
-        }
-        let exposure = self.exposure();
-        let mut blocks = String::new();
-        for (name, bytes) in self.blocks(exposure) {
-            blocks += &format!(
-                "<script type=\"application/octet-stream\" id=\"{name}\">{}</script>\n",
-                BASE64.encode(bytes)
-            );
-        }
-        // Within a script element only this could end it.
-        let header = self.header(exposure).to_string().replace("</", "<\\/");
-        let page = PAGE.replace("@HEADER@", &header).replace("@SCRIPT@", SCRIPT).replace("@BLOBS@", &blocks);
-        write_whole(path, page.len() as u64, |sink| {
-            sink.write_all(page.as_bytes()).map_err(|e| Error::io(path, "writing", e))
-        })
-    }
-
-    fn header(&self, exposure: f32) -> serde_json::Value {
-        let lights: Vec<_> = self
-            .lights
-            .iter()
-            .map(|light| {
-                let exitance = light.surface.map_or(Rgb::ZERO, |(_, exitance)| exitance);
-                json!({ "name": light.name, "scale": largest(light), "exitance": exitance.to_array() })
-            })
-            .collect();
-        let sky = self.lights.iter().position(|light| light.is_sky);
-        let sky = match (&self.scene.sky, sky) {
-            (Some(Sky::Constant(radiance)), Some(k)) => {
-                json!({ "light": k, "radiance": radiance.to_array() })
+    /// What `advance` says.
+    pub fn together(
+        scene: &Scene,
+        points: &[SurfacePoint],
+        evaluate: &Evaluate<'_>,
+        advance: &Advance<'_>,
+    ) -> Result<Self> {
+        let mut all = ViewLight {
+            name: "all light".into(),
+            irradiance: Vec::with_capacity(points.len()),
+            glowing: (0..scene.meshes.len() as u32).collect(),
+            is_sky: true,
+        };
+        let (mut ambient, mut error) = (Vec::new(), Vec::new());
+        for batch in points.chunks(BATCH) {
+            for answer in evaluate(batch) {
+                all.irradiance.push(answer.total());
+                ambient.push(answer.sky_visibility);
+                error.push(answer.error);
             }
-            _ => json!(null),
-        };
-        let camera = &self.view.camera;
-        json!({
-            "title": self.title, "note": self.note, "exposure": exposure, "lights": lights, "sky": sky,
-            "vertices": self.mesh.vertices.len(), "triangles": self.mesh.triangles.len(), "sites": self.sites.0.len(),
-            "up": self.scene.up.to_array(), "seeThrough": self.view.see_through,
-            "camera": { "eye": camera.eye.to_array(), "target": camera.target.to_array(), "up": camera.up.to_array(),
-                "fov": camera.fov_degrees },
-        })
-    }
-
-    /// Arrays for the graphics processor, little-endian, by name.
-    fn blocks(&self, exposure: f32) -> Vec<(String, Vec<u8>)> {
-        let vertices = &self.mesh.vertices;
-        let byte = |share: f32| (share.clamp(0.0, 1.0) * 255.0).round() as u8;
-        let most = self.error.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-        let paint = |v: &Vertex| {
-            let [r, g, b] = v.albedo.to_array().map(linear_to_srgb);
-            [r, g, b, v.back as u8]
-        };
-        let emitter = |v: &Vertex| {
-            let own = |light: &ViewLight| light.surface.is_some_and(|(mesh, _)| mesh == v.mesh as usize);
-            self.lights.iter().position(own).map_or(0, |k| k as u8 + 1)
-        };
-        let extras = self.ambient_occlusion.iter().zip(self.error);
-        let shown = |b: &Rgb| exposure::srgb(*b, exposure);
-        let mut blocks = vec![
-            ("positions".to_owned(), floats(vertices.iter().map(|v| v.position))),
-            ("paints".to_owned(), vertices.iter().flat_map(paint).collect()),
-            ("extras".to_owned(), extras.flat_map(|(ao, error)| [byte(*ao), byte(error / most)]).collect()),
-            ("emitters".to_owned(), vertices.iter().map(emitter).collect()),
-            (
-                "corners".to_owned(),
-                self.mesh.triangles.iter().flatten().flat_map(|k| k.to_le_bytes()).collect(),
-            ),
-            ("sites".to_owned(), floats(self.sites.0.iter().copied())),
-            ("site-paints".to_owned(), self.sites.1.iter().flat_map(shown).collect()),
-        ];
-        for (k, light) in self.lights.iter().enumerate() {
-            let scale = largest(light);
-            let texels = light.irradiance.iter().flat_map(|h| rgb9e5(*h / scale).to_le_bytes());
-            blocks.push((format!("light{k}"), texels.collect()));
+            advance(batch.len() as u64)?;
         }
-        blocks
+        Ok(Self { lights: vec![all], ambient, error })
     }
 }
 
-/// The largest channel of a light's irradiance: texels are shares of it.
-fn largest(light: &ViewLight) -> f32 {
-    light.irradiance.iter().map(|h| h.max_element()).fold(f32::MIN_POSITIVE, f32::max)
+/// A site as a dot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dot {
+    /// Local position, lifted off the surface by a tenth of the spacing.
+    pub position: [f32; 3],
+    /// Level, root = 0.
+    pub level: f32,
+    /// Poisson spacing, local units.
+    pub spacing: f32,
 }
 
-fn floats(vectors: impl Iterator<Item = Vec3>) -> Vec<u8> {
-    vectors.flat_map(|v| v.to_array()).flat_map(f32::to_le_bytes).collect()
+/// The sites as dots: the first [`MOST_SITES`] by level.
+pub fn dots(sites: &Sites) -> Vec<Dot> {
+    let mut order: Vec<usize> = (0..sites.len()).collect();
+    order.sort_by_key(|&k| sites.levels[k]);
+    order.truncate(MOST_SITES);
+    let dot = |k: usize| Dot {
+        position: (sites.positions[k] + 0.1 * sites.spacings[k] * sites.normals[k]).to_array(),
+        level: f32::from(sites.levels[k]),
+        spacing: sites.spacings[k],
+    };
+    order.into_iter().map(dot).collect()
 }
 
-/// Three channels with nine bits each and one exponent, as OpenGL's EXT_texture_shared_exponent has them; values below 65,408.
-///
-/// Error: half of 2⁻⁹ of the largest channel.
-fn rgb9e5(colour: Rgb) -> u32 {
-    let colour = colour.clamp(Rgb::ZERO, Rgb::splat(65_408.0));
-    let most = colour.max_element();
-    if !(most > 2.0f32.powi(-24)) {
-        return 0;
-    }
-    let mut exponent = (most.log2().floor() as i32).max(-16) + 1;
-    if (most / 2.0f32.powi(exponent - 9)).round() >= 512.0 {
-        exponent += 1;
-    }
-    let [r, g, b] = (colour / 2.0f32.powi(exponent - 9)).to_array().map(|value| value.round() as u32);
-    ((exponent + 15) as u32) << 27 | b << 18 | g << 9 | r
+/// Everything that the page shows.
+pub struct Picture<'a> {
+    /// The page's title.
+    pub title: String,
+    /// Whose materials and sky are shown.
+    pub scene: &'a Scene,
+    /// Vertices and triangles.
+    pub mesh: ViewMesh,
+    /// Light at the vertices.
+    pub lit: Lit,
+    /// The sites.
+    pub dots: Vec<Dot>,
+    /// Where the page looks from at first.
+    pub view: View,
+    /// The factor from radiance to the display's linear range that the page begins with.
+    pub exposure: f32,
+    /// Mean irradiance that errors are shown relative to, W·m⁻².
+    pub level: f32,
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn decoded(texel: u32) -> Vec3 {
-        let scale = 2.0f32.powi((texel >> 27) as i32 - 15 - 9);
-        Vec3::new((texel & 511) as f32, (texel >> 9 & 511) as f32, (texel >> 18 & 511) as f32) * scale
-    }
-
-    #[test]
-    fn shared_exponents_err_by_a_thousandth_of_the_largest_channel() {
-        let values = [1.0, 0.999, 0.5, 0.123, 3.0e-4, 1.0e-6, 7.0, 65_000.0];
-        for r in values {
-            for g in values {
-                let colour = Vec3::new(r, g, 0.3 * r);
-                let most = colour.max_element();
-                let off = (decoded(rgb9e5(colour)) - colour).abs().max_element();
-                assert!(off <= most / 1022.0 + 2.0f32.powi(-25), "{colour}: {off}");
+impl Picture<'_> {
+    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
+    /// side's back is black, as it would be.
+    pub fn drop_dark_backs(&mut self) {
+        let dark = |v: u32| {
+            let v = v as usize;
+            let unlit = self.lit.lights.iter().all(|light| light.irradiance[v].max_element() <= 0.0);
+            unlit && self.scene.meshes[self.mesh.meshes[v] as usize].radiance == Rgb::ZERO
+        };
+        // Fronts and backs take turns.
+        let mut kept = Vec::new();
+        for pair in self.mesh.two_sided.chunks_exact(2) {
+            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
+                [_, true] => self.mesh.one_sided.push(pair[0]),
+                [true, false] => self.mesh.one_sided.push(pair[1]),
+                [false, false] => kept.extend_from_slice(pair),
             }
         }
-        assert_eq!(rgb9e5(Vec3::new(-1.0, 0.0, f32::MIN_POSITIVE)), 0);
+        self.mesh.two_sided = kept;
+        self.drop_unused();
     }
+
+    /// Leaves out the vertices that no triangle uses.
+    fn drop_unused(&mut self) {
+        let mut used = vec![false; self.mesh.points.len()];
+        let triangles = || self.mesh.one_sided.iter().chain(&self.mesh.two_sided);
+        triangles().flatten().for_each(|&v| used[v as usize] = true);
+        let mut next = 0;
+        let place: Vec<u32> = used.iter().map(|&used| (next, next += u32::from(used)).0).collect();
+        for triangle in self.mesh.one_sided.iter_mut().chain(&mut self.mesh.two_sided) {
+            *triangle = triangle.map(|v| place[v as usize]);
+        }
+        keep(&mut self.mesh.points, &used);
+        keep(&mut self.mesh.asked, &used);
+        keep(&mut self.mesh.albedo, &used);
+        keep(&mut self.mesh.meshes, &used);
+        keep(&mut self.lit.ambient, &used);
+        keep(&mut self.lit.error, &used);
+        self.lit.lights.iter_mut().for_each(|light| keep(&mut light.irradiance, &used));
+    }
+}
+
+/// Keeps the values whose place is used.
+fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
+    let mut used = used.iter();
+    values.retain(|_| used.next().is_some_and(|&used| used));
 }

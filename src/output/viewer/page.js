@@ -1,102 +1,75 @@
-"use strict";
-// The viewer of a glowtree export. Irradiance of each light by itself lies in a layer of a texture; the vertex shader adds
-// the layers up, each times its light's strength, so that no frame does work per vertex on the processor.
+/* The viewer: data to the graphics card once, then a handful of numbers a frame. No frame touches a vertex here. */
 
-const header = JSON.parse(document.getElementById("header").textContent);
-const canvas = document.getElementById("canvas");
-const hash = new URLSearchParams(location.hash.slice(1));
-const gl = canvas.getContext("webgl2", { antialias: true, alpha: false });
+/** What `#` in the address may hold, and `window.glowtree.set` takes; see there. */
+const asked = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
+const part = (id) => document.getElementById(id);
+const header = JSON.parse(part("header").textContent);
+const canvas = part("canvas");
 
-// Bytes of a block of the page.
-function block(name) {
-  const text = atob(document.getElementById(name).textContent);
-  const bytes = new Uint8Array(text.length);
-  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
-  document.getElementById(name).remove();
-  return bytes;
+/** The bytes of a block of the page; the text is let go. */
+function block(id) {
+  const text = part(id).textContent;
+  part(id).remove();
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 }
 
-const VERTEX = `#version 300 es
-precision highp float;
-precision highp int;
-precision highp sampler2DArray;
-in vec3 position;
-in vec4 paint;   // albedo as sRGB; what the back shows: 0 nothing, 1 a mesh of its own, 2 the same
-in vec2 extra;   // share of the sky; error over its largest
-in uint emitter; // the light that the surface is, counted from 1
-uniform mat4 camera;
-uniform sampler2DArray lights;
-uniform int count, view;
-uniform vec3 weights[LIGHTS], glow[LIGHTS];
-out vec3 colour;
-flat out int back;
+/* ---- vectors ---- */
 
-float linear(float value) {
-  return value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4);
+const add = (a, b, k = 1) => a.map((x, i) => x + k * b[i]);
+const times = (a, k) => a.map((x) => k * x);
+const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const size = (a) => Math.sqrt(dot(a, a));
+const unit = (a) => times(a, 1 / (size(a) || 1));
+/** `a` turned about a unit `axis`. */
+function turned(a, axis, angle) {
+  const [s, c] = [Math.sin(angle), Math.cos(angle)];
+  return add(add(times(a, c), cross(axis, a), s), axis, (1 - c) * dot(axis, a));
+}
+const toLinear = (s) => (s <= 0.04045 ? s / 12.92 : ((s + 0.055) / 1.055) ** 2.4);
+
+/* ---- state ---- */
+
+const SUBFRAMES = 16; // 4 × 4 places in a pixel, as the program's own pictures have
+const start = () => ({
+  camera: structuredClone(header.camera),
+  weights: header.lights.map(() => [1, 1, 1]),
+  exposure: header.exposure,
+  view: VIEW.light,
+});
+let state = start();
+const fixed = asked.width && asked.height ? [Number(asked.width), Number(asked.height)] : null;
+
+/** The camera's axes, as the program's pinhole has them: `right` and `above` reach the picture's edges. */
+function axes(aspect) {
+  const { eye, target, up, fov } = state.camera;
+  const ahead = unit(add(target, eye, -1));
+  let side = cross(ahead, up);
+  side = size(side) < 1e-6 ? unit(cross(ahead, Math.abs(ahead[0]) < 0.5 ? [1, 0, 0] : [0, 1, 0])) : unit(side);
+  const half = Math.tan((fov * Math.PI) / 360);
+  return { eye, ahead, side, top: cross(side, ahead), right: half * aspect, above: half };
 }
 
-void main() {
-  ivec2 at = ivec2(gl_VertexID % WIDTH, gl_VertexID / WIDTH);
-  vec3 irradiance = vec3(0.0);
-  for (int k = 0; k < count; k++) irradiance += texelFetch(lights, ivec3(at, k), 0).rgb * weights[k];
-  vec3 albedo = vec3(linear(paint.r), linear(paint.g), linear(paint.b));
-  colour = albedo * irradiance;
-  if (emitter > 0u) colour += glow[emitter - 1u];
-  if (view == 1) colour = 0.5 * irradiance;
-  if (view == 2) colour = vec3(extra.x);
-  if (view == 3) colour = vec3(extra.y);
-  back = int(paint.a * 255.0 + 0.5);
-  gl_Position = camera * vec4(position, 1.0);
-}`;
-
-const FRAGMENT = `#version 300 es
-precision highp float;
-precision highp int;
-in vec3 colour;
-flat in int back;
-uniform int view;
-uniform bool seeThrough;
-uniform float exposure;
-out vec4 shown;
-
-vec3 srgb(vec3 value) {
-  value = clamp(value, 0.0, 1.0);
-  return mix(1.055 * pow(value, vec3(1.0 / 2.4)) - 0.055, 12.92 * value, lessThanEqual(value, vec3(0.0031308)));
+/** From local coordinates to clip space, column by column. */
+function clipMatrix({ eye, ahead, side, top, right, above }) {
+  const far = (size(add(eye, header.centre, -1)) + header.radius) * 1.01;
+  const nearest = size(add(eye, header.centre, -1)) - header.radius;
+  const near = Math.max(nearest * 0.99, far * 2e-4);
+  const depth = [(far + near) / (far - near), (-2 * far * near) / (far - near)];
+  const rows = [times(side, 1 / right), times(top, 1 / above), times(ahead, depth[0]), ahead];
+  const last = rows.map((row, i) => -dot(row, eye) + (i === 2 ? depth[1] : 0));
+  return new Float32Array([0, 1, 2].flatMap((column) => rows.map((row) => row[column])).concat(last));
 }
 
-// Dark blue, teal, yellow: light grows with the value.
-vec3 scale(float value) {
-  vec3 low = mix(vec3(0.15, 0.1, 0.35), vec3(0.1, 0.55, 0.55), clamp(2.0 * value, 0.0, 1.0));
-  return mix(low, vec3(1.0, 0.9, 0.25), clamp(2.0 * value - 1.0, 0.0, 1.0));
+/* ---- the graphics card ---- */
+
+const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, depth: false, preserveDrawingBuffer: true });
+if (!gl || !(gl.getExtension("EXT_color_buffer_float"))) {
+  part("problem").hidden = false;
+  part("problem").textContent = "This page needs WebGL 2 with float targets, which this browser does not offer.";
+  throw new Error("no WebGL 2");
 }
-
-void main() {
-  if (!gl_FrontFacing && (back == 1 || (back == 0 && seeThrough))) discard;
-  vec3 value = !gl_FrontFacing && back == 0 ? vec3(0.0) : colour;
-  if (view <= 1) value *= exposure;
-  shown = vec4(view == 3 ? scale(value.r) : srgb(value), 1.0);
-}`;
-
-const SITE_VERTEX = `#version 300 es
-precision highp float;
-in vec3 position;
-in vec3 paint;
-uniform mat4 camera;
-out vec3 colour;
-void main() {
-  colour = paint;
-  gl_Position = camera * vec4(position, 1.0);
-  gl_PointSize = 2.5;
-}`;
-
-const SITE_FRAGMENT = `#version 300 es
-precision highp float;
-in vec3 colour;
-out vec4 shown;
-void main() { shown = vec4(colour, 1.0); }`;
-
-const WIDTH = 2048;
-const state = { weights: header.lights.map(() => [1, 1, 1]), stops: 0, view: 0, camera: null };
 
 function program(vertex, fragment) {
   const made = gl.createProgram();
@@ -109,246 +82,242 @@ function program(vertex, fragment) {
   }
   gl.linkProgram(made);
   if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
+  const uniforms = {};
+  for (let i = 0; i < gl.getProgramParameter(made, gl.ACTIVE_UNIFORMS); i++) {
+    const { name } = gl.getActiveUniform(made, i);
+    uniforms[name] = gl.getUniformLocation(made, name);
+  }
+  return { made, uniforms };
+}
+
+function texture(target = gl.TEXTURE_2D) {
+  const made = gl.createTexture();
+  gl.bindTexture(target, made);
+  for (const which of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(target, which, gl.NEAREST);
+  for (const which of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T]) gl.texParameteri(target, which, gl.CLAMP_TO_EDGE);
   return made;
 }
 
-// Puts an attribute's bytes into a buffer of the vertex array that is bound.
-function attribute(of, name, bytes, size, type, normalised) {
+const surface = program(SURFACE_VERTEX, SURFACE_FRAGMENT);
+const backdrop = program(COVER_VERTEX, SKY_FRAGMENT);
+const points = program(DOT_VERTEX, DOT_FRAGMENT);
+const summing = program(COVER_VERTEX, SUM_FRAGMENT);
+const showing = program(COVER_VERTEX, SHOW_FRAGMENT);
+
+/** Vertex arrays: `layout` has [location, count, type, offset] each; unsigned integers stay integers. */
+function arrays(bytes, stride, layout, indices) {
+  const made = gl.createVertexArray();
+  gl.bindVertexArray(made);
   gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
   gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
-  const place = gl.getAttribLocation(of, name);
-  if (place < 0) return;
-  gl.enableVertexAttribArray(place);
-  if (normalised === null) gl.vertexAttribIPointer(place, size, type, 0, 0);
-  else gl.vertexAttribPointer(place, size, type, normalised, 0, 0);
-}
-
-function start() {
-  const constants = (text) => text.replaceAll("LIGHTS", Math.max(1, header.lights.length)).replaceAll("WIDTH", WIDTH);
-  const surface = program(constants(VERTEX), FRAGMENT);
-  const mesh = gl.createVertexArray();
-  gl.bindVertexArray(mesh);
-  attribute(surface, "position", block("positions"), 3, gl.FLOAT, false);
-  attribute(surface, "paint", block("paints"), 4, gl.UNSIGNED_BYTE, true);
-  attribute(surface, "extra", block("extras"), 2, gl.UNSIGNED_BYTE, true);
-  attribute(surface, "emitter", block("emitters"), 1, gl.UNSIGNED_BYTE, null);
-  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
-  gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, block("corners"), gl.STATIC_DRAW);
-
-  const rows = Math.max(1, Math.ceil(header.vertices / WIDTH));
-  const layers = Math.max(1, header.lights.length);
-  gl.bindTexture(gl.TEXTURE_2D_ARRAY, gl.createTexture());
-  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, WIDTH, rows, layers);
-  gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-  gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-  header.lights.forEach((_, k) => {
-    const texels = new Uint32Array(WIDTH * rows);
-    texels.set(new Uint32Array(block("light" + k).buffer));
-    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, k, WIDTH, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, texels);
-  });
-
-  const points = program(SITE_VERTEX, SITE_FRAGMENT);
-  const sites = gl.createVertexArray();
-  gl.bindVertexArray(sites);
-  attribute(points, "position", block("sites"), 3, gl.FLOAT, false);
-  attribute(points, "paint", block("site-paints"), 3, gl.UNSIGNED_BYTE, true);
-  gl.enable(gl.DEPTH_TEST);
-  return { surface, mesh, points, sites };
-}
-
-const add = (a, b, s) => [a[0] + b[0] * s, a[1] + b[1] * s, a[2] + b[2] * s];
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const unit = (a) => { const l = Math.hypot(...a); return l > 0 ? a.map((v) => v / l) : a; };
-
-// Axes of the camera: to the right, up, and back towards the eye.
-function axes({ eye, target, up }) {
-  const back = unit(add(eye, target, -1));
-  let right = unit(cross(up, back));
-  if (!(Math.hypot(...right) > 0.5)) right = unit(cross([back[1], back[2], back[0]], back));
-  return [right, cross(back, right), back];
-}
-
-// Column by column: from local coordinates to what the screen shows.
-function cameraMatrix(camera, aspect) {
-  const [right, up, back] = axes(camera);
-  const distance = Math.hypot(...add(camera.eye, camera.target, -1));
-  const near = Math.max(1e-4, 0.01 * Math.min(distance, 1)), far = distance + 8;
-  const high = 1 / Math.tan((camera.fov * Math.PI) / 360), wide = high / aspect;
-  const deep = (far + near) / (near - far), shift = (2 * far * near) / (near - far);
-  const place = (axis) => -dot(axis, camera.eye);
-  const row = [[right, wide, place(right)], [up, high, place(up)]].map(([axis, s, t]) => [axis[0] * s, axis[1] * s, axis[2] * s, t * s]);
-  row.push([back[0] * deep, back[1] * deep, back[2] * deep, place(back) * deep + shift]);
-  row.push([-back[0], -back[1], -back[2], -place(back)]);
-  return new Float32Array([0, 1, 2, 3].flatMap((c) => row.map((r) => r[c])));
-}
-
-const toShown = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * Math.min(value, 1) ** (1 / 2.4) - 0.055);
-
-// What is seen past the surfaces: the sky if it is the same everywhere.
-function background() {
-  if (!header.sky) return [0, 0, 0];
-  const weight = state.weights[header.sky.light] ?? [0, 0, 0];
-  return header.sky.radiance.map((value, c) => toShown(Math.PI * value * weight[c] * header.exposure * 2 ** state.stops));
-}
-
-let drawn = null, wanted = false;
-
-function draw() {
-  wanted = false;
-  const ratio = hash.has("size") ? 1 : window.devicePixelRatio;
-  const [wide, high] = [canvas.clientWidth * ratio, canvas.clientHeight * ratio].map((v) => Math.max(1, Math.round(v)));
-  if (canvas.width !== wide || canvas.height !== high) Object.assign(canvas, { width: wide, height: high });
-  gl.viewport(0, 0, wide, high);
-  gl.clearColor(...background(), 1);
-  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-  const matrix = cameraMatrix(state.camera, wide / high);
-  const showsSites = state.view === 4;
-  const { surface, mesh, points, sites } = drawn;
-  const at = (name) => gl.getUniformLocation(surface, name);
-  gl.useProgram(surface);
-  gl.uniformMatrix4fv(at("camera"), false, matrix);
-  gl.uniform1i(at("count"), header.lights.length);
-  gl.uniform1i(at("view"), showsSites ? 0 : state.view);
-  gl.uniform1i(at("seeThrough"), header.seeThrough ? 1 : 0);
-  gl.uniform1f(at("exposure"), header.exposure * 2 ** state.stops * (showsSites ? 0.25 : 1));
-  if (header.lights.length > 0) {
-    const scaled = (of) => new Float32Array(header.lights.flatMap((light, k) => state.weights[k].map((w, c) => w * of(light)[c])));
-    gl.uniform3fv(at("weights"), scaled((light) => [light.scale, light.scale, light.scale]));
-    gl.uniform3fv(at("glow"), scaled((light) => light.exitance));
+  for (const [at, count, type, offset] of layout) {
+    gl.enableVertexAttribArray(at);
+    if (type === gl.UNSIGNED_INT) gl.vertexAttribIPointer(at, count, type, stride, offset);
+    else gl.vertexAttribPointer(at, count, type, false, stride, offset);
   }
-  gl.bindVertexArray(mesh);
-  gl.drawElements(gl.TRIANGLES, 3 * header.triangles, gl.UNSIGNED_INT, 0);
-  if (showsSites) {
-    gl.useProgram(points);
-    gl.uniformMatrix4fv(gl.getUniformLocation(points, "camera"), false, matrix);
-    gl.bindVertexArray(sites);
-    gl.drawArrays(gl.POINTS, 0, header.sites);
+  if (indices) {
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+  }
+  return made;
+}
+
+const surfaceArrays = arrays(block("vertices"), 20,
+  [[0, 3, gl.FLOAT, 0], [1, 2, gl.HALF_FLOAT, 12], [2, 1, gl.UNSIGNED_INT, 16]], block("indices"));
+const dotBytes = block("dots");
+const dotArrays = arrays(dotBytes, 20, [[0, 3, gl.FLOAT, 0], [1, 1, gl.FLOAT, 12], [2, 1, gl.FLOAT, 16]]);
+const emptyArrays = gl.createVertexArray();
+
+/** Albedo and the lights, a layer each, rows of 2,048 vertices. */
+const fields = texture(gl.TEXTURE_2D_ARRAY);
+{
+  const words = new Uint32Array(block("fields").buffer);
+  const rows = Math.max(Math.ceil(header.count / 2048), 1);
+  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, 2048, rows, 1 + header.lights.length);
+  for (let layer = 0; layer <= header.lights.length; layer++) {
+    const filled = new Uint32Array(2048 * rows);
+    filled.set(words.subarray(layer * header.count, (layer + 1) * header.count));
+    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2048, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, filled);
   }
 }
+const sky = texture();
+gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB9_E5, ...header.sky.size, 0, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV,
+  new Uint32Array(block("sky").buffer));
+const weights = texture();
+const emitters = texture();
 
-function redraw() {
-  if (!wanted) requestAnimationFrame(draw);
-  wanted = true;
+/** Puts a short list of colours into a texture of one row. */
+function table(into, colours) {
+  const row = new Float32Array(4 * Math.max(colours.length, 1));
+  colours.forEach((colour, k) => row.set(colour, 4 * k));
+  gl.bindTexture(gl.TEXTURE_2D, into);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA32F, row.length / 4, 1, 0, gl.RGBA, gl.FLOAT, row);
 }
 
-// --- the hand ---
-
-function turn(across, along) {
-  const { eye, target } = state.camera, up = unit(header.up);
-  const [right, , back] = axes(state.camera);
-  const distance = Math.hypot(...add(eye, target, -1));
-  const around = (v, axis, angle) => {
-    const c = Math.cos(angle), s = Math.sin(angle), d = dot(axis, v) * (1 - c), x = cross(axis, v);
-    return v.map((value, k) => value * c + x[k] * s + axis[k] * d);
+/** Pictures in the making, of the canvas' size: one frame, the sum of several, and one smoothed while things move. */
+let targets = null;
+function targetsOf(width, height) {
+  if (targets && targets.width === width && targets.height === height) return targets;
+  for (const old of targets ? targets.all : []) old();
+  const all = [];
+  const image = (format) => {
+    const made = texture();
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+    const frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, made, 0);
+    all.push(() => (gl.deleteTexture(made), gl.deleteFramebuffer(frame)));
+    return { texture: made, frame };
   };
-  let next = around(back, up, across);
-  const tilted = around(next, around(right, up, across), along);
-  if (Math.abs(dot(tilted, up)) < 0.995) next = tilted;
-  Object.assign(state.camera, { eye: add(target, next, distance), up });
-  redraw();
+  const buffer = (attachment, samples, format) => {
+    const made = gl.createRenderbuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, made);
+    gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, format, width, height);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, attachment, gl.RENDERBUFFER, made);
+    all.push(() => gl.deleteRenderbuffer(made));
+  };
+  const frame = image(gl.RGBA16F);
+  buffer(gl.DEPTH_ATTACHMENT, 0, gl.DEPTH_COMPONENT24);
+  const sums = [image(gl.RGBA32F), image(gl.RGBA32F)];
+  const smooth = gl.createFramebuffer();
+  gl.bindFramebuffer(gl.FRAMEBUFFER, smooth);
+  buffer(gl.COLOR_ATTACHMENT0, 4, gl.RGBA16F);
+  buffer(gl.DEPTH_ATTACHMENT, 4, gl.DEPTH_COMPONENT24);
+  all.push(() => gl.deleteFramebuffer(smooth));
+  return (targets = { width, height, all, frame, sums, smooth });
 }
 
-function move(across, along) {
-  const [right, up] = axes(state.camera), { eye, target, fov } = state.camera;
-  const step = (2 * Math.hypot(...add(eye, target, -1)) * Math.tan((fov * Math.PI) / 360)) / canvas.clientHeight;
-  for (const name of ["eye", "target"]) state.camera[name] = add(add(state.camera[name], right, -across * step), up, along * step);
-  redraw();
-}
+/* ---- a frame ---- */
 
-function approach(factor) {
-  const { eye, target } = state.camera, away = add(eye, target, -1);
-  state.camera.eye = add(target, away, Math.min(Math.max(factor, 1e-3 / Math.hypot(...away)), 40 / Math.hypot(...away)));
-  redraw();
-}
-
-function listen() {
-  const fingers = new Map();
-  canvas.addEventListener("pointerdown", (event) => {
-    canvas.setPointerCapture(event.pointerId);
-    fingers.set(event.pointerId, [event.clientX, event.clientY]);
+function use({ made, uniforms }, textures) {
+  gl.useProgram(made);
+  Object.entries(textures).forEach(([name, [target, which]], slot) => {
+    gl.activeTexture(gl.TEXTURE0 + slot);
+    gl.bindTexture(target, which);
+    gl.uniform1i(uniforms[name], slot);
   });
-  for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, (event) => fingers.delete(event.pointerId));
-  canvas.addEventListener("pointermove", (event) => {
-    const before = fingers.get(event.pointerId);
-    if (!before) return;
-    const [across, along] = [event.clientX - before[0], event.clientY - before[1]];
-    const spread = () => { const [a, b] = [...fingers.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
-    if (fingers.size === 2) {
-      const wide = spread();
-      fingers.set(event.pointerId, [event.clientX, event.clientY]);
-      approach(wide / Math.max(1, spread()));
-      move(across / 2, along / 2);
-      return;
-    }
-    fingers.set(event.pointerId, [event.clientX, event.clientY]);
-    if (event.buttons & 6 || event.shiftKey) move(across, along);
-    else turn(-across * 0.006, -along * 0.006);
-  });
-  canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-  canvas.addEventListener("wheel", (event) => { event.preventDefault(); approach(Math.exp(event.deltaY * 0.0012)); }, { passive: false });
-  window.addEventListener("resize", redraw);
-  window.addEventListener("keydown", (event) => {
-    const panel = document.getElementById("panel");
-    if (event.key === "r" || event.key === "R") set({ camera: header.camera });
-    else if (event.key === "h" || event.key === "H") panel.hidden = !panel.hidden;
-    else if (event.key >= "1" && event.key <= "5") set({ view: Number(event.key) - 1 });
-    else if (event.key === "ArrowLeft" || event.key === "ArrowRight") turn(event.key === "ArrowLeft" ? -0.06 : 0.06, 0);
-  });
+  return uniforms;
 }
 
-// --- the panel ---
-
-const toLinear = (byte) => (byte <= 10.31475 ? byte / 3294.6 : ((byte / 255 + 0.055) / 1.055) ** 2.4);
-
-function furnish() {
-  document.getElementById("title").textContent = header.title;
-  document.title = header.title;
-  const list = document.getElementById("lights");
-  header.lights.forEach((light, k) => {
-    const row = document.createElement("label"), name = document.createElement("span");
-    const strength = Object.assign(document.createElement("input"), { type: "range", min: 0, max: 4, step: 0.01, value: 1 });
-    const tint = Object.assign(document.createElement("input"), { type: "color", value: "#ffffff", title: "tint" });
-    Object.assign(name, { textContent: light.name, title: light.name });
-    const change = () => {
-      const bytes = [1, 3, 5].map((at) => parseInt(tint.value.slice(at, at + 2), 16));
-      state.weights[k] = bytes.map((byte) => toLinear(byte) * Number(strength.value));
-      redraw();
-    };
-    strength.addEventListener("input", change);
-    tint.addEventListener("input", change);
-    row.append(name, strength, tint);
-    list.append(row);
-  });
-  const exposure = document.getElementById("exposure"), view = document.getElementById("view");
-  exposure.addEventListener("input", () => { state.stops = Number(exposure.value); redraw(); });
-  view.addEventListener("change", () => set({ view: Number(view.value) }));
-  document.getElementById("figures").textContent =
-    `${header.triangles.toLocaleString()} triangles shown, ${header.sites.toLocaleString()} sites; ${header.note}`;
-}
-
-// Changes what is shown: weights (a colour for each light), stops of exposure, view (0 to 4), camera {eye, target, up, fov}.
-function set(change) {
-  if (change.weights) state.weights = change.weights.map((weight) => [...weight]);
-  if (change.stops !== undefined) document.getElementById("exposure").value = state.stops = change.stops;
-  if (change.view !== undefined) document.getElementById("view").value = state.view = change.view;
-  if (change.camera) state.camera = structuredClone(change.camera);
-  redraw();
-}
-
-if (gl) {
-  drawn = start();
-  furnish();
-  listen();
-  // For pictures of one size: #size=256x192&w=1,1,1;0.5,0,0
-  const size = (hash.get("size") ?? "").split("x").map(Number);
-  if (size.length === 2) {
-    Object.assign(canvas.style, { width: size[0] + "px", height: size[1] + "px" });
-    document.getElementById("panel").hidden = true;
+/** Draws sky, surfaces and sites into `frame`, moved by `shift` in clip units. */
+function drawScene(frame, shift, view) {
+  const { width, height } = targets;
+  const seen = axes(width / height);
+  const clip = clipMatrix(seen);
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  gl.viewport(0, 0, width, height);
+  gl.clearColor(0, 0, 0, 1);
+  gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+  if (view !== VIEW.depth && header.sky.light !== null) {
+    const u = use(backdrop, { sky: [gl.TEXTURE_2D, sky] });
+    const dim = view === VIEW.light || view === VIEW.white ? state.exposure : 0;
+    const weight = state.weights[header.sky.light].map((w, c) => w * header.sky.scale[c] * dim);
+    gl.uniform3fv(u.ahead, seen.ahead);
+    gl.uniform3fv(u.right, times(seen.side, seen.right));
+    gl.uniform3fv(u.above, times(seen.top, seen.above));
+    gl.uniform3fv(u.weight, weight);
+    gl.uniform2fv(u.shift, shift);
+    gl.bindVertexArray(emptyArrays);
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
-  const weights = hash.get("w")?.split(";").map((colour) => colour.split(",").map(Number));
-  set({ camera: header.camera, weights, view: Number(hash.get("view") ?? 0) });
-  window.glowtree = { set, header };
-} else {
-  Object.assign(document.getElementById("problem"), { hidden: false, textContent: "This page needs WebGL 2, which this browser does not offer." });
+  gl.enable(gl.DEPTH_TEST);
+  const u = use(surface, { fields: [gl.TEXTURE_2D_ARRAY, fields], weights: [gl.TEXTURE_2D, weights],
+    emitters: [gl.TEXTURE_2D, emitters] });
+  gl.uniformMatrix4fv(u.clip, false, clip);
+  gl.uniform2fv(u.shift, shift);
+  gl.uniform1i(u.lights, header.lights.length);
+  gl.uniform1i(u.view, view);
+  gl.uniform1f(u.exposure, state.exposure);
+  gl.uniform1f(u.errorTop, header.error_top);
+  gl.bindVertexArray(surfaceArrays);
+  (header.see_through ? gl.enable : gl.disable).call(gl, gl.CULL_FACE);
+  gl.drawElements(gl.TRIANGLES, header.one_sided, gl.UNSIGNED_INT, 0);
+  gl.enable(gl.CULL_FACE);
+  gl.drawElements(gl.TRIANGLES, header.two_sided, gl.UNSIGNED_INT, 4 * header.one_sided);
+  if (view === VIEW.sites) {
+    const u = use(points, {});
+    gl.uniformMatrix4fv(u.clip, false, clip);
+    gl.uniform2fv(u.shift, shift);
+    gl.uniform1f(u.pixels, height / seen.above / 2);
+    gl.uniform1f(u.levels, header.levels);
+    gl.bindVertexArray(dotArrays);
+    gl.drawArrays(gl.POINTS, 0, dotBytes.length / 20);
+  }
 }
+
+/** Covers `frame` with what a program makes of textures. */
+function cover(which, frame, textures, name, value) {
+  gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+  gl.disable(gl.DEPTH_TEST);
+  gl.disable(gl.CULL_FACE);
+  const u = use(which, textures);
+  gl.uniform1f(u[name], value);
+  gl.bindVertexArray(emptyArrays);
+  gl.drawArrays(gl.TRIANGLES, 0, 3);
+}
+
+/** A tent over two pixels, as the program's filter: [0, 1) to (−1, 1). */
+const tent = (u) => (u < 0.5 ? Math.sqrt(2 * u) - 1 : 1 - Math.sqrt(2 - 2 * u));
+
+let summed = -1; // subframes in the sum; −1 before the quick frame
+let waiting = false;
+
+/** Draws the next subframe; the quick one first while something moves. */
+function step() {
+  const { frame, sums, smooth, width, height } = targets;
+  if (summed < 0) {
+    drawScene(smooth, [0, 0], state.view);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, smooth);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, frame.frame);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    cover(showing, null, { frame: [gl.TEXTURE_2D, frame.texture] }, "over", 1);
+  } else {
+    const [i, j] = [summed % 4, Math.floor(summed / 4)];
+    // Sixteen rows and columns of a pixel, one place in each: edges along the axes are as smooth as others.
+    const [x, y] = [(i + (j + 0.5) / 4) / 4, (j + (i + 0.5) / 4) / 4].map(tent);
+    drawScene(frame.frame, [(2 * x) / width, (2 * y) / height], state.view);
+    const [into, before] = [sums[summed % 2], sums[(summed + 1) % 2]];
+    cover(summing, into.frame,
+      { frame: [gl.TEXTURE_2D, frame.texture], before: [gl.TEXTURE_2D, before.texture] }, "keep", summed);
+    if (summed === SUBFRAMES - 1) {
+      cover(showing, null, { frame: [gl.TEXTURE_2D, into.texture] }, "over", 1 / SUBFRAMES);
+    }
+  }
+  summed += 1;
+}
+
+function frame() {
+  waiting = false;
+  const scale = window.devicePixelRatio || 1;
+  const [width, height] = fixed ||
+    [Math.max(Math.round(canvas.clientWidth * scale), 1), Math.max(Math.round(canvas.clientHeight * scale), 1)];
+  if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
+  targetsOf(width, height);
+  table(weights, state.weights.map((w, k) => times(w, header.lights[k].scale)));
+  table(emitters, header.emitters.map(({ light, radiance }) => radiance.map((r, c) => r * state.weights[light][c])));
+  do step(); while (fixed && summed < SUBFRAMES);
+  if (summed < SUBFRAMES) later();
+}
+function later() {
+  if (!waiting) requestAnimationFrame(frame);
+  waiting = true;
+}
+/** Something changed: draw anew. */
+function renew() {
+  summed = -1;
+  later();
+}
+
+/* ---- the tests' and scripts' way in ---- */
+
+window.glowtree = {
+  /** Sets any of `camera` {eye, target, up, fov}, `weights` [[r, g, b] of each light], `exposure`, `view` (a number). */
+  set(change) {
+    Object.assign(state, change, { camera: { ...state.camera, ...change.camera } });
+    showState();
+    renew();
+  },
+  state: () => structuredClone(state),
+};
