@@ -61,6 +61,7 @@ pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
         level: model.solution.level,
     };
     picture.drop_dark_backs();
+    picture.lighten_hidden();
     viewer::write(output, &picture)?;
     stage.finish();
     model.bvh.sound()

@@ -25,6 +25,9 @@ pub const VERTICES: usize = 200_000;
 /// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
 pub const MOST_SITES: usize = 300_000;
 
+/// Irradiance over the mean below which a vertex lies where no light comes, as within solids.
+const HIDDEN: f32 = 1.0e-4;
+
 /// Vertices evaluated at a time.
 const BATCH: usize = 1 << 12;
 
@@ -146,6 +149,26 @@ impl Picture<'_> {
         }
         self.mesh.two_sided = kept;
         self.drop_unused();
+    }
+
+    /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
+    /// darken it as far as the next vertex.
+    pub fn lighten_hidden(&mut self) {
+        let lit = |v: usize| self.lit.lights.iter().map(|light| light.irradiance[v].max_element()).sum::<f32>();
+        let hidden: Vec<bool> = (0..self.mesh.points.len()).map(|v| lit(v) <= HIDDEN * self.level).collect();
+        let mut seams = Vec::new();
+        for triangle in self.mesh.one_sided.iter().chain(&self.mesh.two_sided) {
+            let [from, to] = [false, true].map(|hides| triangle.iter().filter(move |v| hides == hidden[**v as usize]));
+            seams.extend(to.flat_map(|&to| from.clone().map(move |&from| (to, from))));
+        }
+        seams.sort_unstable();
+        seams.dedup();
+        for light in &mut self.lit.lights {
+            for seam in seams.chunk_by(|a, b| a.0 == b.0) {
+                let sum: Rgb = seam.iter().map(|(_, from)| light.irradiance[*from as usize]).sum();
+                light.irradiance[seam[0].0 as usize] = sum / seam.len() as f32;
+            }
+        }
     }
 
     /// Leaves out the vertices that no triangle uses.
