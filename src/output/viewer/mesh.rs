@@ -275,7 +275,8 @@ mod tests {
     #[test]
     fn a_room_is_cut_to_the_count_without_cracks_and_its_creases_are_kept() {
         let mesh = ViewMesh::new(&synthetic::room(), 20_000);
-        assert!((14_000..=20_000).contains(&mesh.points.len()), "{}", mesh.points.len());
+        // Equal squares are halved all at once, edges and diagonals in turn: the count goes in steps of two.
+        assert!((10_000..=20_000).contains(&mesh.points.len()), "{}", mesh.points.len());
         // 40,000 areas of 1.5e-4 are summed in single precision: each sum rounds by 6 · 6e-8, at random.
         assert!((area(&mesh) - 6.0).abs() < 1e-3, "{}", area(&mesh));
         assert!(mesh.points.iter().all(|p| p.normal.abs().max_element() > 0.999_99));
@@ -325,7 +326,7 @@ mod tests {
         let ramp = |x: f32| Vec3::new(x, 0.5, 1.0 - x);
         scene.meshes[0].albedo = Albedo::Vertex(scene.vertices.iter().map(|v| ramp(v.x)).collect());
         let mesh = ViewMesh::new(&scene, 500);
-        assert!(mesh.points.len() > 300);
+        assert!(mesh.points.len() >= 250, "{}", mesh.points.len());
         for (point, albedo) in mesh.points.iter().zip(&mesh.albedo) {
             // Halves of halves of binary fractions: exact.
             assert_eq!(*albedo, ramp(point.position.x));
