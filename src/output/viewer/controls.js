@@ -167,4 +167,5 @@ if (fixed) {
   [canvas.style.width, canvas.style.height] = fixed.map((pixels) => `${pixels}px`);
   part("panel").hidden = true;
 }
+if (canvas.clientWidth < 600) part("panel").classList.add("closed");
 glowtree.set(asked.set ? JSON.parse(asked.set) : {});

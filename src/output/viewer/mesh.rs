@@ -73,7 +73,7 @@ struct Cut {
 }
 
 impl ViewMesh {
-    /// The surface of a scene at about `target` vertices, or more where the scene itself has more.
+    /// The surface of a scene at about `target` vertices, or half as many above what the scene itself has.
     ///
     /// Two-sided meshes have points on both sides. Triangles without area are left out. Cost: some twenty passes over the
     /// result; 100 bytes a vertex.
@@ -162,9 +162,11 @@ fn welded(scene: &Scene) -> Cut {
     cut
 }
 
-/// Halves edges until there are about `target` vertices; what has more stays as it is.
+/// Halves edges until there are about `target` vertices, or half as many again beside a mesh that has more itself: the
+/// ground below a scan takes shadows too.
 fn refined(whole: Cut, target: usize) -> Cut {
-    if whole.corners.len() >= target || whole.triangles.is_empty() {
+    let most = target.max(whole.corners.len() + target / 2);
+    if whole.triangles.is_empty() {
         return whole;
     }
     let edge = |[a, b]: [u32; 2]| {
@@ -175,7 +177,7 @@ fn refined(whole: Cut, target: usize) -> Cut {
     let mut best = whole.clone();
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (short + long);
-        match halved(whole.clone(), middle.exp(), target) {
+        match halved(whole.clone(), middle.exp(), most) {
             Some(cut) => (long, best) = (middle, cut),
             None => short = middle,
         }
@@ -273,7 +275,8 @@ mod tests {
     #[test]
     fn a_room_is_cut_to_the_count_without_cracks_and_its_creases_are_kept() {
         let mesh = ViewMesh::new(&synthetic::room(), 20_000);
-        assert!((14_000..=20_000).contains(&mesh.points.len()), "{}", mesh.points.len());
+        // Equal squares are halved all at once, edges and diagonals in turn: the count goes in steps of two.
+        assert!((10_000..=20_000).contains(&mesh.points.len()), "{}", mesh.points.len());
         // 40,000 areas of 1.5e-4 are summed in single precision: each sum rounds by 6 · 6e-8, at random.
         assert!((area(&mesh) - 6.0).abs() < 1e-3, "{}", area(&mesh));
         assert!(mesh.points.iter().all(|p| p.normal.abs().max_element() > 0.999_99));
@@ -309,8 +312,11 @@ mod tests {
 
     #[test]
     fn fine_meshes_keep_their_vertices() {
-        let mesh = ViewMesh::new(&synthetic::square(), 3);
+        let mesh = ViewMesh::new(&synthetic::square(), 1);
         assert_eq!((mesh.points.len(), mesh.one_sided.len()), (4, 2));
+        // What is coarse beside them is cut all the same: six walls of four corners each, and up to eight more.
+        let count = ViewMesh::new(&synthetic::room(), 16).points.len();
+        assert!((25..=32).contains(&count), "{count}");
         assert!(ViewMesh::new(&synthetic::scene(vec![], vec![]), 10).points.is_empty());
     }
 
@@ -320,7 +326,7 @@ mod tests {
         let ramp = |x: f32| Vec3::new(x, 0.5, 1.0 - x);
         scene.meshes[0].albedo = Albedo::Vertex(scene.vertices.iter().map(|v| ramp(v.x)).collect());
         let mesh = ViewMesh::new(&scene, 500);
-        assert!(mesh.points.len() > 300);
+        assert!(mesh.points.len() >= 250, "{}", mesh.points.len());
         for (point, albedo) in mesh.points.iter().zip(&mesh.albedo) {
             // Halves of halves of binary fractions: exact.
             assert_eq!(*albedo, ramp(point.position.x));

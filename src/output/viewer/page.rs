@@ -26,6 +26,9 @@ const SCRIPT_MARK: &str = "/* script */\n";
 /// Bytes that are encoded at a time: a multiple of three, so that the texts join.
 const PIECE: usize = 3 << 16;
 
+/// WebGL 2 promises 256 layers; the albedo takes one.
+const MOST_LIGHTS: usize = 255;
+
 /// Pixels of an image sky behind the scene, across and down: half a degree.
 const SKY_SIZE: [u32; 2] = [720, 360];
 
@@ -33,11 +36,18 @@ const SKY_SIZE: [u32; 2] = [720, 360];
 ///
 /// Blocks are little-endian: `vertices` (position f32×3, ambient and relative error f16, emitter u32), `fields` (RGB9_E5,
 /// layer by layer: the albedo, then each light's irradiance over its maximum, rows of 2,048 vertices), `indices` (u32,
-/// one-sided triangles first), `sky` (RGB9_E5 over its maximum, row 0 up), `dots` (position, level, spacing f32). Directions and positions are local.
+/// one-sided triangles first), `sky` (RGB9_E5 over its maximum, row 0 up), `dots` (position, level, spacing f32).
+/// Directions and positions are local.
 ///
 /// # Errors
-/// Input/output errors.
+/// [`Error::Usage`] for more than 255 lights, input/output errors.
 pub fn write(path: &Path, picture: &Picture<'_>) -> Result<()> {
+    let count = picture.lit.lights.len();
+    if count > MOST_LIGHTS {
+        let problem =
+            format!("{}: {count} lights are more than a page holds ({MOST_LIGHTS})", path.display());
+        return Err(Error::Usage(problem));
+    }
     let (sky, sky_scale, sky_size) = sky(picture);
     let blocks = [
         ("vertices", vertices(picture)),
