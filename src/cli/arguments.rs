@@ -236,7 +236,7 @@ pub struct Relight {
     /// The scene's camera of this name, for images [default: its first, or one that shows the whole scene]
     #[arg(long, value_name = "NAME", conflicts_with = "points")]
     pub camera: Option<String>,
-    /// Write a sequence: [[key]] tables with a frame number, a list `set` of changes as above, and eye, target, fov of the
+    /// Write a sequence: `[[key]]` tables with a frame number, a list `set` of changes as above, and eye, target, fov of the
     /// camera; frames that are there already are kept
     #[arg(long, value_name = "KEYS", conflicts_with_all = ["points", "set"], requires = "output")]
     pub animate: Option<PathBuf>,

@@ -43,7 +43,7 @@ pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     }
     for light in apart {
         relighter.relight_with(&light.lighting, &|| console.check())?;
-        lit.lights.push(named(light, answers(relighter.model(), &points, &stage)?));
+        lit.lights.push(named(light, &answers(relighter.model(), &points, &stage)?));
     }
     relighter.relight_with(&baked, &|| console.check())?;
     let model = relighter.model();
@@ -85,7 +85,7 @@ fn answers(model: &Model, points: &[SurfacePoint], stage: &Stage<'_>) -> Result<
     Ok(answers)
 }
 
-fn named(light: Alone, answers: Vec<Irradiance>) -> ViewLight {
+fn named(light: Alone, answers: &[Irradiance]) -> ViewLight {
     ViewLight {
         name: light.name,
         irradiance: answers.iter().map(|light| light.total().max(Rgb::ZERO)).collect(),

@@ -8,11 +8,8 @@ mod encode;
 pub mod mesh;
 mod page;
 
-use crate::error::Result;
-use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::output::picture::View;
-use crate::output::{Advance, Evaluate};
 use crate::scene::Scene;
 use crate::sites::Sites;
 
@@ -27,9 +24,6 @@ pub const MOST_SITES: usize = 300_000;
 
 /// Irradiance over the mean below which a vertex lies where no light comes, as within solids.
 const HIDDEN: f32 = 1.0e-4;
-
-/// Vertices evaluated at a time.
-const BATCH: usize = 1 << 12;
 
 /// One light, by what it does at the vertices of a [`ViewMesh`].
 #[derive(Debug, Clone)]
@@ -53,36 +47,6 @@ pub struct Lit {
     pub ambient: Vec<f32>,
     /// Estimated standard error of the mean-channel irradiance at each, W·m⁻².
     pub error: Vec<f32>,
-}
-
-impl Lit {
-    /// All light as one, as the job was baked. `advance` counts points.
-    ///
-    /// # Errors
-    /// What `advance` says.
-    pub fn together(
-        scene: &Scene,
-        points: &[SurfacePoint],
-        evaluate: &Evaluate<'_>,
-        advance: &Advance<'_>,
-    ) -> Result<Self> {
-        let mut all = ViewLight {
-            name: "all light".into(),
-            irradiance: Vec::with_capacity(points.len()),
-            glowing: (0..scene.meshes.len() as u32).collect(),
-            is_sky: true,
-        };
-        let (mut ambient, mut error) = (Vec::new(), Vec::new());
-        for batch in points.chunks(BATCH) {
-            for answer in evaluate(batch) {
-                all.irradiance.push(answer.total());
-                ambient.push(answer.sky_visibility);
-                error.push(answer.error);
-            }
-            advance(batch.len() as u64)?;
-        }
-        Ok(Self { lights: vec![all], ambient, error })
-    }
 }
 
 /// A site as a dot.
@@ -154,12 +118,14 @@ impl Picture<'_> {
     /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
     /// darken it as far as the next vertex.
     pub fn lighten_hidden(&mut self) {
-        let lit = |v: usize| self.lit.lights.iter().map(|light| light.irradiance[v].max_element()).sum::<f32>();
+        let lit =
+            |v: usize| self.lit.lights.iter().map(|light| light.irradiance[v].max_element()).sum::<f32>();
         let hidden: Vec<bool> = (0..self.mesh.points.len()).map(|v| lit(v) <= HIDDEN * self.level).collect();
         let mut seams = Vec::new();
         for triangle in self.mesh.one_sided.iter().chain(&self.mesh.two_sided) {
-            let [from, to] = [false, true].map(|hides| triangle.iter().filter(move |v| hides == hidden[**v as usize]));
-            seams.extend(to.flat_map(|&to| from.clone().map(move |&from| (to, from))));
+            for &to in triangle.iter().filter(|&&v| hidden[v as usize]) {
+                seams.extend(triangle.iter().filter(|&&v| !hidden[v as usize]).map(|&from| (to, from)));
+            }
         }
         seams.sort_unstable();
         seams.dedup();
