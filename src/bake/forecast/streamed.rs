@@ -36,8 +36,8 @@ const LAWS: [Law; 8] = [
     law("check", (0.006, 0.0, 0.0), 1.0, nothing),
     law("light", (0.0, 0.0, 5.2), 0.55, nothing),
     law("store", (0.0, 0.0, 0.2), 1.0, |size| 100.0 * size.proxy),
-    law("mesh", (0.0, 8.8, 2.5), 0.55, |size| size.file_bytes + 35.0 * size.vertices),
-    law("preview", (0.0, 0.0, 7.0), 0.52, |_| 4.0e5),
+    law("mesh", (0.0, 10.6, 2.4), 0.55, |size| size.file_bytes + 35.0 * size.vertices),
+    law("preview", (0.0, 0.0, 9.5), 0.52, |_| 4.0e5),
 ];
 
 const fn law(
