@@ -230,7 +230,7 @@ fn vertices_in_memory_share_rows_and_stops_do_not_change_them() {
         .collect();
     let lights = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a small pool starts");
-        pool.install(|| job.evaluate_crowd(&points))
+        pool.install(|| job.model().field().evaluate_crowd(&points))
     };
     let shared = lights(2);
     assert!(shared == lights(1), "the number of threads shows");

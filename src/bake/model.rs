@@ -1,11 +1,13 @@
 //! A scene with everything a bake makes of it, in memory.
 
+use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
 use super::job::streams::Details;
 use crate::basis::Basis;
+use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::links::Surroundings;
 use crate::links::direct::Direct;
@@ -78,6 +80,15 @@ pub fn materials(scene: &Scene, sites: &Sites, samples: &Samples, glowing: &[boo
 }
 
 impl Model {
+    /// The points, set onto the surface where the scene has proxies: what is known of a proxy's vertices, or of what a ray met on it,
+    /// lies beside it.
+    pub fn set_down<'a>(&self, points: &'a [SurfacePoint]) -> Cow<'a, [SurfacePoint]> {
+        if self.details.is_empty() {
+            return Cow::Borrowed(points);
+        }
+        points.iter().map(|point| self.around().footing(point).1).collect()
+    }
+
     /// The rays' world.
     pub fn around(&self) -> Surroundings<'_> {
         Surroundings {

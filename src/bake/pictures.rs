@@ -3,8 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use glam::Vec3;
-
 use super::job::WORK_FOLDER;
 use super::report::progress::{Monitor, Stage};
 use super::report::summary::StageTime;
@@ -13,11 +11,10 @@ use super::vertices::{self, Workshop};
 use crate::archive::{Disk, Ledger, Storage, Tag};
 use crate::bake::model::Model;
 use crate::error::{Error, Result};
-use crate::geometry::{SurfacePoint, morton};
+use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
-use crate::output::normals::{Weight, vertex_normals};
-use crate::output::picture::{Film, Quality, View, frame, png, render};
-use crate::output::{Advance, ply};
+use crate::output::picture::{Film, Quality, View, png, render};
+use crate::output::{Advance, ply, vertices as lit};
 use crate::solve::{Field, Irradiance};
 
 /// The lit mesh within the job.
@@ -55,7 +52,7 @@ pub fn write(
     } else {
         streamed((storage, job), model, (monitor, ledger))?
     };
-    let view = view_of(model);
+    let view = View::choose(&model.scene, &model.bvh, None, PREVIEW_SIZE)?;
     let [width, height] = view.camera.size;
     let stage = Stage::start(monitor, "preview", "pixels", Some(u64::from(width) * u64::from(height)));
     let film = draw(model, &view, &|pixels| stage.advance(pixels))?;
@@ -73,19 +70,9 @@ fn draw(model: &Model, view: &View, advance: &Advance<'_>) -> Result<Film> {
         if model.details.is_empty() {
             return quick.evaluate(points);
         }
-        // What a camera's ray met is known to its rounding: rows begin on the surface itself.
-        let set: Vec<SurfacePoint> = points.iter().map(|point| model.around().footing(point).1).collect();
-        quick.evaluate_crowd(&set)
+        quick.evaluate_crowd(&model.set_down(points))
     };
     render(&model.scene, &model.bvh, &evaluate, (view, Quality::PREVIEW), advance)
-}
-
-/// What the picture is taken from.
-fn view_of(model: &Model) -> View {
-    match model.scene.cameras.first() {
-        Some(camera) => View { camera: camera.clone(), see_through: false },
-        None => frame(&model.scene, &model.bvh, PREVIEW_SIZE),
-    }
 }
 
 /// Vertices of a sample, in runs that lie side by side as in the whole mesh.
@@ -102,27 +89,21 @@ const SAMPLED_EDGE: u32 = 3;
 pub fn sample(model: &Model, monitor: &dyn Monitor) -> Result<Vec<(StageTime, f64)>> {
     let scene = &model.scene;
     let stage = Stage::start(monitor, "mesh", "vertices", None);
-    let normals = vertex_normals(scene, Weight::Area);
-    let mut order: Vec<(u64, u32)> = (0..)
-        .zip(&scene.vertices)
-        .map(|(vertex, at)| (morton::code(*at, Vec3::splat(-0.5), 1.0 / 2048.0), vertex))
-        .collect();
-    order.sort_unstable();
+    let normals = lit::normals(scene);
+    let order = lit::along_curve(scene, &normals);
     let runs = order.chunks(SAMPLED_RUN);
     let every = (order.len() / SAMPLED).max(1);
     let mut count = 0;
     for run in runs.step_by(every) {
-        let at = |&(_, v): &(u64, u32)| SurfacePoint {
-            position: scene.vertices[v as usize],
-            normal: normals[v as usize],
-        };
+        let at =
+            |&v: &u32| SurfacePoint { position: scene.vertices[v as usize], normal: normals[v as usize] };
         let points: Vec<SurfacePoint> = run.iter().map(at).collect();
         std::hint::black_box(model.field().evaluate_crowd(&points));
         count += points.len();
         stage.advance(points.len() as u64)?;
     }
     let mesh = (stage.finish(), count as f64 / order.len().max(1) as f64);
-    let mut view = view_of(model);
+    let mut view = View::choose(&model.scene, &model.bvh, None, PREVIEW_SIZE)?;
     let whole = view.camera.size.map(f64::from);
     view.camera.size = view.camera.size.map(|edge| (edge / SAMPLED_EDGE).max(1));
     let part = view.camera.size.map(f64::from);

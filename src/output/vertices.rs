@@ -132,8 +132,8 @@ fn is_used(scene: &Scene, normals: &[Vec3], vertex: usize) -> bool {
     normals[vertex] != Vec3::ZERO && scene.vertices[vertex].is_finite()
 }
 
-/// The used vertices in an order in which neighbours are mostly close together.
-fn along_curve(scene: &Scene, normals: &[Vec3]) -> Vec<u32> {
+/// The used vertices in an order in which neighbours are mostly close together: that of asking.
+pub fn along_curve(scene: &Scene, normals: &[Vec3]) -> Vec<u32> {
     let at = |v: u32| scene.vertices[v as usize];
     let used: Vec<u32> = (0..normals.len() as u32).filter(|&v| is_used(scene, normals, v as usize)).collect();
     let low = used.iter().fold(Vec3::INFINITY, |low, &v| low.min(at(v)));

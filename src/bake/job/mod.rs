@@ -62,12 +62,6 @@ impl Job {
         self.model.field().evaluate(points)
     }
 
-    /// As [`Job::evaluate`], for points that may be so dense that they share rows, as vertices are: see
-    /// [`Field::evaluate_crowd`](crate::solve::Field::evaluate_crowd).
-    pub fn evaluate_crowd(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
-        self.model.field().evaluate_crowd(points)
-    }
-
     /// Errors when chunks of a streamed mesh could not be read: answers given since are not to be used.
     ///
     /// # Errors

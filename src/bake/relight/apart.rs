@@ -1,9 +1,9 @@
 //! The lights of a lighting, each by itself.
 
-use super::lighting::{Lighting, strength};
+use super::lighting::{Lighting, with_strength};
 use super::origins::{Origin, is_lit};
 use crate::light::Rgb;
-use crate::scene::{LampKind, Scene};
+use crate::scene::Scene;
 
 /// One light of a scene and darkness otherwise.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,7 +33,7 @@ impl Lighting {
             mesh.radiance = if origin == Origin::Mesh(k) { mesh.radiance } else { Rgb::ZERO };
         }
         for (k, lamp) in lighting.lamps.iter_mut().enumerate() {
-            *lamp = if origin == Origin::Lamp(k) { *lamp } else { dark(*lamp) };
+            *lamp = if origin == Origin::Lamp(k) { *lamp } else { with_strength(lamp, Rgb::ZERO) };
         }
         if let Some(sky) = lighting.sky.as_mut().filter(|_| origin != Origin::Sky) {
             sky.tint = Rgb::ZERO;
@@ -45,15 +45,4 @@ impl Lighting {
         };
         Alone { name, mesh, is_sky: origin == Origin::Sky, lighting }
     }
-}
-
-/// The lamp, switched off.
-fn dark(lamp: LampKind) -> LampKind {
-    let mut off = lamp;
-    match &mut off {
-        LampKind::Sun { irradiance, .. } => *irradiance = Rgb::ZERO,
-        LampKind::Point { intensity, .. } | LampKind::Spot { intensity, .. } => *intensity = Rgb::ZERO,
-    }
-    debug_assert_eq!(strength(&off), Rgb::ZERO);
-    off
 }

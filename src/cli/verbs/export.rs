@@ -12,7 +12,6 @@ use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::output::file::check_folder;
 use crate::output::{glb, ply};
-use crate::solve::Irradiance;
 
 /// Writes the light of the job per vertex.
 ///
@@ -50,7 +49,7 @@ pub fn write((job, model): (&Path, &Model), output: &Path, console: &Console) ->
     }
     let scene = &model.scene;
     let stage = Stage::start(console, "mesh", "vertices", Some(scene.vertices.len() as u64));
-    let evaluate = |points: &[SurfacePoint]| answer(model, points);
+    let evaluate = |points: &[SurfacePoint]| model.field().evaluate_crowd(&model.set_down(points));
     let advance = |vertices| stage.advance(vertices);
     if has_ending(output, "glb") {
         note_proxies(model, console);
@@ -60,15 +59,6 @@ pub fn write((job, model): (&Path, &Model), output: &Path, console: &Console) ->
     }
     stage.finish();
     model.bvh.sound()
-}
-
-/// Light at vertices; those of proxies lie beside the surface and are set onto it first.
-fn answer(model: &Model, points: &[SurfacePoint]) -> Vec<Irradiance> {
-    if model.details.is_empty() {
-        return model.field().evaluate_crowd(points);
-    }
-    let set: Vec<SurfacePoint> = points.iter().map(|point| model.around().footing(point).1).collect();
-    model.field().evaluate_crowd(&set)
 }
 
 fn note_proxies(model: &Model, console: &Console) {

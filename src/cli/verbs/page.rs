@@ -33,7 +33,7 @@ pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     let apart = baked.apart(relighter.scene());
     let model = relighter.model();
     let mesh = ViewMesh::new(&model.scene, viewer::VERTICES);
-    let points = set_down(model, &mesh.asked);
+    let points = model.set_down(&mesh.asked).into_owned();
     let stage =
         Stage::start(console, "mesh", "vertices", Some(points.len() as u64 * (1 + apart.len() as u64)));
     let mut lit = Lit { lights: Vec::new(), ambient: Vec::new(), error: Vec::new() };
@@ -65,14 +65,6 @@ pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     viewer::write(output, &picture)?;
     stage.finish();
     model.bvh.sound()
-}
-
-/// Vertices of proxies lie beside the surface.
-fn set_down(model: &Model, points: &[SurfacePoint]) -> Vec<SurfacePoint> {
-    if model.details.is_empty() {
-        return points.to_vec();
-    }
-    points.iter().map(|point| model.around().footing(point).1).collect()
 }
 
 /// The light of now at all points.

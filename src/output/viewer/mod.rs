@@ -162,3 +162,43 @@ fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
     let mut used = used.iter();
     values.retain(|_| used.next().is_some_and(|&used| used));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::picture::frame;
+    use crate::output::synthetic;
+    use crate::rays::Bvh;
+
+    #[test]
+    fn hidden_vertices_take_the_light_beside_them() {
+        let scene = synthetic::square();
+        let mesh = ViewMesh::new(&scene, 2_000);
+        let hidden: Vec<bool> = mesh.points.iter().map(|point| point.position.x < 0.5).collect();
+        let light = |hides: &bool| if *hides { Rgb::ZERO } else { Rgb::ONE };
+        let irradiance = hidden.iter().map(light).collect();
+        let lights = vec![ViewLight { name: "sun".into(), irradiance, glowing: vec![], is_sky: false }];
+        let zeros = vec![0.0; hidden.len()];
+        let lit = Lit { lights, ambient: zeros.clone(), error: zeros };
+        let view = frame(&scene, &Bvh::build(&scene), [8, 8]);
+        let mut picture = Picture {
+            title: String::new(),
+            scene: &scene,
+            mesh,
+            lit,
+            dots: vec![],
+            view,
+            exposure: 1.0,
+            level: 1.0,
+        };
+        picture.lighten_hidden();
+        let light = &picture.lit.lights[0].irradiance;
+        let crosses =
+            |t: &&[u32; 3]| [true, false].iter().all(|side| t.iter().any(|&v| hidden[v as usize] == *side));
+        let mut seam = picture.mesh.one_sided.iter().filter(crosses).peekable();
+        assert!(seam.peek().is_some() && seam.all(|t| t.iter().all(|&v| light[v as usize] == Rgb::ONE)));
+        let dark = light.iter().filter(|light| **light == Rgb::ZERO).count();
+        // Half the square, but for a seam.
+        assert!(2 * dark > light.len() * 8 / 10 && dark < light.len() / 2 + 100, "{dark} of {}", light.len());
+    }
+}

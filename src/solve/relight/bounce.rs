@@ -86,19 +86,7 @@ fn reflected(transport: &Transport<'_>, lights: &[&[Rgb]], sources: &[Source]) -
 
 /// G·B of some lights, from the sites' lines.
 fn gather(links: &Links, lines: &[Line], (receivers, lights): (usize, usize)) -> Vec<Vec<Rgb>> {
-    let row = |r: usize| {
-        let (sites, counts, share) = links.row(r);
-        let mut sum = [0.0f64; 16];
-        for (sites, counts) in sites.chunks(PART).zip(counts.chunks(PART)) {
-            let mut few = [0.0f32; 16];
-            for (&site, &count) in sites.iter().zip(counts) {
-                let (line, count) = (&lines[site as usize].0, f32::from(count));
-                (0..16).for_each(|k| few[k] += line[k] * count);
-            }
-            (0..16).for_each(|k| sum[k] += f64::from(few[k]));
-        }
-        Line(sum.map(|sum| (sum * f64::from(share)) as f32))
-    };
+    let row = |r: usize| Line(sum_of_row(links, r, |site| &lines[site as usize].0));
     let sums: Vec<Line> = (0..receivers).into_par_iter().with_min_len(64).map(row).collect();
     (0..lights).map(|l| sums.par_iter().with_min_len(4096).map(|sum| sum.colour(l)).collect()).collect()
 }
@@ -108,18 +96,28 @@ fn gather_one(links: &Links, radiosity: &[Rgb], receivers: usize) -> Vec<Rgb> {
     let slot = |b: &Rgb| Slot([b.x, b.y, b.z, 0.0]);
     let slots: Vec<Slot> = radiosity.par_iter().with_min_len(1 << 14).map(slot).collect();
     let row = |r: usize| {
-        let (sites, counts, share) = links.row(r);
-        let mut sum = [0.0f64; 4];
-        for (sites, counts) in sites.chunks(PART).zip(counts.chunks(PART)) {
-            let mut few = [0.0f32; 4];
-            for (&site, &count) in sites.iter().zip(counts) {
-                let (slot, count) = (&slots[site as usize].0, f32::from(count));
-                (0..4).for_each(|k| few[k] += slot[k] * count);
-            }
-            (0..4).for_each(|k| sum[k] += f64::from(few[k]));
-        }
-        let [x, y, z, _] = sum.map(|sum| (sum * f64::from(share)) as f32);
+        let [x, y, z, _] = sum_of_row(links, r, |site| &slots[site as usize].0);
         Rgb::new(x, y, z)
     };
     (0..receivers).into_par_iter().with_min_len(64).map(row).collect()
+}
+
+/// A row's sum over the sites that it meets: in f32 for a few links at a time, then in f64.
+#[inline]
+fn sum_of_row<'a, const N: usize>(
+    links: &Links,
+    receiver: usize,
+    light: impl Fn(u32) -> &'a [f32; N],
+) -> [f32; N] {
+    let (sites, counts, share) = links.row(receiver);
+    let mut sum = [0.0f64; N];
+    for (sites, counts) in sites.chunks(PART).zip(counts.chunks(PART)) {
+        let mut few = [0.0f32; N];
+        for (&site, &count) in sites.iter().zip(counts) {
+            let (light, count) = (light(site), f32::from(count));
+            (0..N).for_each(|k| few[k] += light[k] * count);
+        }
+        (0..N).for_each(|k| sum[k] += f64::from(few[k]));
+    }
+    sum.map(|sum| (sum * f64::from(share)) as f32)
 }

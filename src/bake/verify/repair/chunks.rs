@@ -5,11 +5,10 @@ use std::fs::{self, File};
 use std::path::Path;
 use std::sync::Arc;
 
-use super::rebake::{compare, kept, unchanged};
+use super::rebake::{again, compare, kept, unchanged};
 use super::{Repaired, RepairedFile};
 use crate::archive::{Disk, Storage};
 use crate::bake::job::streams::{self, Workshop};
-use crate::bake::job::{INPUTS_FILE, Inputs, OPTIONS_FILE, read_side};
 use crate::bake::options::Options;
 use crate::bake::report::progress::Monitor;
 use crate::bake::store;
@@ -33,16 +32,8 @@ pub(super) fn mend(
     if damaged.is_empty() {
         return Ok(false);
     }
-    let options = read_side::<Options>(&job.join(OPTIONS_FILE))?;
-    let inputs = read_side::<Inputs>(&job.join(INPUTS_FILE))?;
-    let (Some(options), Some(inputs)) = (options, inputs) else {
-        return Err(Error::NoJob { job: job.to_path_buf() });
-    };
+    let (options, inputs, folder) = again(job)?;
     let scene_path = unchanged(job, &inputs)?;
-    let here = job.canonicalize().map_err(|e| Error::io(job, "looking for the job", e))?;
-    let parent = here.parent().unwrap_or(&here);
-    let folder = tempfile::Builder::new().prefix(".glowtree-repair-").tempdir_in(parent);
-    let folder = folder.map_err(|e| Error::io(parent, "making a temporary folder", e))?;
     // Those that are whole are not made again.
     let storage: Arc<dyn Storage> = Arc::new(Disk);
     streams::share(&storage, &whole, job, folder.path())?;

@@ -6,6 +6,8 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::Arc;
 
+use tempfile::TempDir;
+
 use super::headers::HEADER_BYTES;
 use super::{Plan, Repaired, RepairedFile, damaged};
 use crate::archive::{Archive, Block, Digest, Disk, Storage};
@@ -16,6 +18,20 @@ use crate::bake::report::summary::{SUMMARY_FILE, Summary};
 use crate::bake::verify::{ARCHIVES, Report, file_name};
 use crate::error::{Error, Result};
 
+/// What a job was asked and made from, and a folder beside it to make it again.
+pub(super) fn again(job: &Path) -> Result<(Options, Inputs, TempDir)> {
+    let options = read_side::<Options>(&job.join(OPTIONS_FILE))?;
+    let inputs = read_side::<Inputs>(&job.join(INPUTS_FILE))?;
+    let (Some(options), Some(inputs)) = (options, inputs) else {
+        return Err(Error::NoJob { job: job.to_path_buf() });
+    };
+    let here = job.canonicalize().map_err(|e| Error::io(job, "looking for the job", e))?;
+    let parent = here.parent().unwrap_or(&here);
+    let folder = tempfile::Builder::new().prefix(".glowtree-repair-").tempdir_in(parent);
+    let folder = folder.map_err(|e| Error::io(parent, "making a temporary folder", e))?;
+    Ok((options, inputs, folder))
+}
+
 /// Bakes the job's scene again beside the job and takes what is damaged.
 pub(super) fn mend(
     job: &Path,
@@ -23,16 +39,8 @@ pub(super) fn mend(
     repaired: &mut Repaired,
     monitor: &dyn Monitor,
 ) -> Result<()> {
-    let options = read_side::<Options>(&job.join(OPTIONS_FILE))?;
-    let inputs = read_side::<Inputs>(&job.join(INPUTS_FILE))?;
-    let (Some(options), Some(inputs)) = (options, inputs) else {
-        return Err(Error::NoJob { job: job.to_path_buf() });
-    };
+    let (options, inputs, folder) = again(job)?;
     let scene = unchanged(job, &inputs)?;
-    let here = job.canonicalize().map_err(|e| Error::io(job, "looking for the job", e))?;
-    let parent = here.parent().unwrap_or(&here);
-    let folder = tempfile::Builder::new().prefix(".glowtree-repair-").tempdir_in(parent);
-    let folder = folder.map_err(|e| Error::io(parent, "making a temporary folder", e))?;
     let new = folder.path().join("job");
     let options = Options { restart: false, preview: false, max_memory_bytes: None, ..options };
     job::run(scene, &new, &options, monitor)?;
