@@ -2,8 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::relight::switches;
 use crate::basis::Basis;
 use crate::links::points::Operator;
+use crate::scene::Scene;
 
 /// The options of one bake. Those that change the result are stored with the job and compared on resuming
 /// ([`Options::difference`]); the rest say how this one run behaves.
@@ -27,6 +29,10 @@ pub struct Options {
     /// Triangles of the proxy of a mesh that stays in its file, about; by the error target when `None`.
     #[serde(default, skip_serializing_if = "is_default")]
     pub proxy: Option<u64>,
+    /// Refine against each light by itself, so that every combination of them is within the target; `None` does where a scene
+    /// has some, but not many ([`Options::is_relightable`]).
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub relightable: Option<bool>,
     /// Anonymous memory the bake may use, bytes; `None` sets no limit. Does not change the result.
     #[serde(skip)]
     pub max_memory_bytes: Option<u64>,
@@ -54,6 +60,7 @@ impl Default for Options {
             operator: Operator::default(),
             resident: None,
             proxy: None,
+            relightable: None,
             max_memory_bytes: None,
             restart: false,
             preview: true,
@@ -65,7 +72,17 @@ impl Default for Options {
 /// takes from there on (docs/scaling.md).
 const RESIDENT: u64 = 500_000;
 
+/// Scenes of more lights are made for relighting only when asked: each light is solved for by itself.
+const MOST_SWITCHED: usize = 16;
+
 impl Options {
+    /// Whether the bake is meant for relighting: as asked, or when the scene has 2 to 16 lights. Lamps count, and the sky,
+    /// though they be off; meshes count that emit.
+    pub fn is_relightable(&self, scene: &Scene) -> bool {
+        let lights = || switches(scene).len();
+        self.relightable.unwrap_or_else(|| (2..=MOST_SWITCHED).contains(&lights()))
+    }
+
     /// The most triangles of a mesh that is read into memory.
     pub fn resident(&self) -> u64 {
         self.resident.unwrap_or(RESIDENT)
@@ -76,6 +93,7 @@ impl Options {
     pub fn difference(&self, stored: &Self) -> Option<String> {
         let bounces = |limit: Option<u32>| limit.map_or("none".to_owned(), |n| n.to_string());
         let proxy = |wanted: Option<u64>| wanted.map_or("by --error".to_owned(), |n| n.to_string());
+        let relightable = |choice: Option<bool>| choice.map_or("by the scene".to_owned(), |c| c.to_string());
         let pairs = [
             ("--error", stored.error.to_string(), self.error.to_string()),
             ("--max-bounces", bounces(stored.max_bounces), bounces(self.max_bounces)),
@@ -83,6 +101,7 @@ impl Options {
             ("--basis", stored.basis.to_string(), self.basis.to_string()),
             ("--resident", stored.resident().to_string(), self.resident().to_string()),
             ("--proxy", proxy(stored.proxy), proxy(self.proxy)),
+            ("--relightable", relightable(stored.relightable), relightable(self.relightable)),
             ("--operator", stored.operator.to_string(), self.operator.to_string()),
         ];
         let lines: Vec<String> = pairs

@@ -4,8 +4,8 @@ mod apart;
 mod change;
 mod keys;
 mod lighting;
-mod mixture;
-mod origins;
+pub(super) mod mixture;
+pub(super) mod origins;
 mod relink;
 
 use std::path::Path;
@@ -33,6 +33,7 @@ pub use apart::Alone;
 pub use keys::Keys;
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
+pub(super) use origins::switches;
 use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
 
 /// Transfers err by this much of themselves at most, so that sums of them are exact to 1e-5.

@@ -5,17 +5,25 @@ use std::sync::Arc;
 use super::lighting::{Lighting, MeshLight, strength};
 use crate::light::Rgb;
 use crate::links::lamps::{Lamp, Shape};
-use crate::scene::{Sky, Texture};
+use crate::scene::{Scene, Sky, Texture};
 
 /// A light of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Origin {
+pub(in crate::bake) enum Origin {
     /// A mesh that emits.
     Mesh(usize),
     /// A punctual lamp.
     Lamp(usize),
     /// All light from outside.
     Sky,
+}
+
+/// The lights of a scene that may be switched: meshes that emit; lamps and sky, though they be off.
+pub(in crate::bake) fn switches(scene: &Scene) -> Vec<Origin> {
+    let emits = |m: &usize| scene.meshes[*m].radiance.max_element() > 0.0;
+    let meshes = (0..scene.meshes.len()).filter(emits).map(Origin::Mesh);
+    let sky = scene.sky.as_ref().map(|_| Origin::Sky);
+    meshes.chain((0..scene.lamps.len()).map(Origin::Lamp)).chain(sky).collect()
 }
 
 /// Which light of the scene a lamp is.

@@ -25,6 +25,7 @@ pub fn run(request: &Bake, console: &Console) -> Result<()> {
         operator: request.operator,
         resident: request.resident,
         proxy: request.proxy,
+        relightable: request.relightable,
         max_memory_bytes: request.max_memory,
         restart: request.restart,
         preview: !request.no_preview,
