@@ -38,11 +38,7 @@ impl Lighting {
         if let Some(sky) = lighting.sky.as_mut().filter(|_| origin != Origin::Sky) {
             sky.tint = Rgb::ZERO;
         }
-        let (name, mesh) = match origin {
-            Origin::Mesh(k) => (scene.meshes[k].name.clone(), Some(k)),
-            Origin::Lamp(k) => (scene.lamps[k].name.clone(), None),
-            Origin::Sky => ("sky".to_owned(), None),
-        };
-        Alone { name, mesh, is_sky: origin == Origin::Sky, lighting }
+        let mesh = if let Origin::Mesh(k) = origin { Some(k) } else { None };
+        Alone { name: origin.name(scene).to_owned(), mesh, is_sky: origin == Origin::Sky, lighting }
     }
 }

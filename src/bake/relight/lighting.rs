@@ -211,7 +211,7 @@ impl SkyLight {
     }
 
     /// The sky that this is, given the one that was baked; its tint left out.
-    pub(super) fn untinted(&self, baked: &Sky, up: Vec3) -> Sky {
+    pub(in crate::bake) fn untinted(&self, baked: &Sky, up: Vec3) -> Sky {
         match (self.constant, baked) {
             (Some(radiance), _) => Sky::Constant(radiance),
             (None, Sky::Constant(_)) => baked.clone(),
@@ -245,7 +245,7 @@ pub(super) fn strength(kind: &LampKind) -> Rgb {
 }
 
 /// The same lamp with another strength.
-pub(super) fn with_strength(kind: &LampKind, strength: Rgb) -> LampKind {
+pub(in crate::bake) fn with_strength(kind: &LampKind, strength: Rgb) -> LampKind {
     let mut kind = *kind;
     match &mut kind {
         LampKind::Sun { irradiance: own, .. }

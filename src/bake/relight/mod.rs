@@ -31,6 +31,7 @@ use crate::solve::{Irradiance, Problem};
 
 pub use apart::Alone;
 pub use keys::Keys;
+pub(super) use lighting::with_strength;
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
 pub(super) use origins::switches;
@@ -116,6 +117,8 @@ pub struct Relighter {
     stale: Vec<(Origin, Transfer)>,
     /// Whether scene, lamps and glow of the model are those of `now`.
     synced: bool,
+    /// Whether each light was refined against by itself, those that were off included.
+    switched: bool,
     /// Whether the model's solution is all there, not its radiosity and irradiance alone.
     whole: bool,
 }
@@ -132,7 +135,8 @@ impl Relighter {
         let plan = Plan::new(options.error, options.seed);
         let bounces = options.max_bounces.map(|n| n as usize);
         let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
-        Ok(Self::new(store::read(job, Purpose::Light)?, params))
+        let relighter = Self::new(store::read(job, Purpose::Light)?, params);
+        Ok(Self { switched: options.is_relightable(&relighter.baked), ..relighter })
     }
 
     /// From a model that holds its rows.
@@ -151,7 +155,7 @@ impl Relighter {
         let lighting = Lighting::of(scene);
         let (lamps, glowing) = lamps::split(scene);
         let bright = lamps.into_iter().find(|lamp| matches!(lamp.shape, Shape::Sky(_)));
-        let linked = model.lamps.iter().map(|lamp| mean_channel(lamp.strength) > 0.0).collect();
+        let linked = linked(&model);
         let mut relighter = Self {
             params,
             baked,
@@ -167,6 +171,7 @@ impl Relighter {
             transfers: Vec::new(),
             stale: Vec::new(),
             synced: true,
+            switched: false,
             whole: true,
             model,
         };
@@ -455,4 +460,17 @@ impl Relighter {
         }
         self.synced = true;
     }
+}
+
+/// Per lamp, whether links to it are known: it was lit, or looked at all the same by a bake that is meant for relighting.
+fn linked(model: &Model) -> Vec<bool> {
+    let mut linked: Vec<bool> = model.lamps.iter().map(|lamp| mean_channel(lamp.strength) > 0.0).collect();
+    let tree = &model.direct.tree;
+    let mut met = vec![false; tree.clusters.len()];
+    let links = model.direct.links.iter().filter(|link| link.coupling > 0.0);
+    links.for_each(|link| met[link.cluster as usize] = true);
+    for (c, _) in met.iter().enumerate().filter(|(_, met)| **met) {
+        tree.units_of(c).iter().for_each(|unit| linked[unit.lamp as usize] = true);
+    }
+    linked
 }
