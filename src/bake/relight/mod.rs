@@ -229,7 +229,8 @@ impl Relighter {
         self.model().field().evaluate(points)
     }
 
-    /// Solves for each light by itself, those that were lit when baked and those that are now; from then on other strengths are
+    /// Solves for each light by itself: those that were lit when baked, those that are now, and those that were off in a bake that
+    /// is meant for relighting; from then on other strengths are
     /// sums. New albedos make it all void.
     ///
     /// Cost: a bake's solution for every five lights.
@@ -245,7 +246,8 @@ impl Relighter {
     /// # Errors
     /// What `pause` says.
     pub fn prepare_with(&mut self, pause: Pause<'_>) -> Result<RelightReport> {
-        let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o);
+        let off = if self.switched { switches(&self.baked) } else { Vec::new() };
+        let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o) || off.contains(o);
         let known = |o: &Origin| self.transfers.iter().any(|(own, _)| own == o);
         let wanted: Vec<Origin> =
             self.origins().into_iter().filter(|o| lit(o) && !known(o) && self.is_linked(*o)).collect();
