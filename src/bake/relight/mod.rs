@@ -290,10 +290,11 @@ impl Relighter {
         let before = std::mem::replace(&mut self.now, to.clone());
         (self.synced, self.whole) = (false, false);
         self.turn_sky(&before);
-        self.link(&before, &mut report, pause)?;
+        // First what no pause interrupts: `now` holds already.
         if painted {
             self.paint();
         }
+        self.link(&before, &mut report, pause)?;
         let light = |origin: &Origin| tint(&self.now, *origin);
         let lit: Vec<Origin> = self.origins().into_iter().filter(|o| is_lit(&self.now, *o)).collect();
         let transfer =

@@ -10,5 +10,6 @@ pub mod points;
 pub mod relight;
 pub mod render;
 pub mod verify;
+pub mod view;
 
 pub use super::destination::{Destination, Written};

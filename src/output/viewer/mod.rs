@@ -5,6 +5,7 @@
 //! each light's irradiance H at every vertex as textures; moving a slider changes w, some bytes a light, and nothing else.
 
 mod encode;
+mod hidden;
 pub mod mesh;
 mod page;
 
@@ -13,17 +14,16 @@ use crate::output::picture::View;
 use crate::scene::Scene;
 use crate::sites::Sites;
 
+pub use encode::Layer;
+pub use hidden::Seams;
 pub use mesh::ViewMesh;
-pub use page::write;
+pub use page::{served, write};
 
 /// Vertices that a scene of few is cut to: two pixels apart on a wall that fills the screen.
 pub const VERTICES: usize = 200_000;
 
 /// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
 pub const MOST_SITES: usize = 300_000;
-
-/// Irradiance over the mean below which a vertex lies where no light comes, as within solids.
-const HIDDEN: f32 = 1.0e-4;
 
 /// One light, by what it does at the vertices of a [`ViewMesh`].
 #[derive(Debug, Clone)]
@@ -118,23 +118,11 @@ impl Picture<'_> {
     /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
     /// darken it as far as the next vertex.
     pub fn lighten_hidden(&mut self) {
-        let lit =
-            |v: usize| self.lit.lights.iter().map(|light| light.irradiance[v].max_element()).sum::<f32>();
-        let hidden: Vec<bool> = (0..self.mesh.points.len()).map(|v| lit(v) <= HIDDEN * self.level).collect();
-        let mut seams = Vec::new();
-        for triangle in self.mesh.one_sided.iter().chain(&self.mesh.two_sided) {
-            for &to in triangle.iter().filter(|&&v| hidden[v as usize]) {
-                seams.extend(triangle.iter().filter(|&&v| !hidden[v as usize]).map(|&from| (to, from)));
-            }
-        }
-        seams.sort_unstable();
-        seams.dedup();
-        for light in &mut self.lit.lights {
-            for seam in seams.chunk_by(|a, b| a.0 == b.0) {
-                let sum: Rgb = seam.iter().map(|(_, from)| light.irradiance[*from as usize]).sum();
-                light.irradiance[seam[0].0 as usize] = sum / seam.len() as f32;
-            }
-        }
+        let mut lights: Vec<Vec<Rgb>> =
+            self.lit.lights.iter_mut().map(|light| std::mem::take(&mut light.irradiance)).collect();
+        let seams = Seams::new(&self.mesh, &lights, self.level);
+        lights.iter_mut().for_each(|light| seams.lighten(light));
+        self.lit.lights.iter_mut().zip(lights).for_each(|(light, irradiance)| light.irradiance = irradiance);
     }
 
     /// Leaves out the vertices that no triangle uses.
@@ -161,44 +149,4 @@ impl Picture<'_> {
 fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
     let mut used = used.iter();
     values.retain(|_| used.next().is_some_and(|&used| used));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::output::picture::frame;
-    use crate::output::synthetic;
-    use crate::rays::Bvh;
-
-    #[test]
-    fn hidden_vertices_take_the_light_beside_them() {
-        let scene = synthetic::square();
-        let mesh = ViewMesh::new(&scene, 2_000);
-        let hidden: Vec<bool> = mesh.points.iter().map(|point| point.position.x < 0.5).collect();
-        let light = |hides: &bool| if *hides { Rgb::ZERO } else { Rgb::ONE };
-        let irradiance = hidden.iter().map(light).collect();
-        let lights = vec![ViewLight { name: "sun".into(), irradiance, glowing: vec![], is_sky: false }];
-        let zeros = vec![0.0; hidden.len()];
-        let lit = Lit { lights, ambient: zeros.clone(), error: zeros };
-        let view = frame(&scene, &Bvh::build(&scene), [8, 8]);
-        let mut picture = Picture {
-            title: String::new(),
-            scene: &scene,
-            mesh,
-            lit,
-            dots: vec![],
-            view,
-            exposure: 1.0,
-            level: 1.0,
-        };
-        picture.lighten_hidden();
-        let light = &picture.lit.lights[0].irradiance;
-        let crosses =
-            |t: &&[u32; 3]| [true, false].iter().all(|side| t.iter().any(|&v| hidden[v as usize] == *side));
-        let mut seam = picture.mesh.one_sided.iter().filter(crosses).peekable();
-        assert!(seam.peek().is_some() && seam.all(|t| t.iter().all(|&v| light[v as usize] == Rgb::ONE)));
-        let dark = light.iter().filter(|light| **light == Rgb::ZERO).count();
-        // Half the square, but for a seam.
-        assert!(2 * dark > light.len() * 8 / 10 && dark < light.len() / 2 + 100, "{dark} of {}", light.len());
-    }
 }

@@ -130,15 +130,19 @@ const emptyArrays = gl.createVertexArray();
 
 /** Albedo and the lights, a layer each, rows of 2,048 vertices. */
 const fields = texture(gl.TEXTURE_2D_ARRAY);
+const rows = Math.max(Math.ceil(header.count / 2048), 1);
+gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, 2048, rows, 1 + header.lights.length);
+/** Puts a word for each vertex into a layer. */
+function putLayer(layer, words) {
+  const filled = new Uint32Array(2048 * rows);
+  filled.set(words);
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, fields);
+  gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2048, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, filled);
+}
 {
   const words = new Uint32Array(block("fields").buffer);
-  const rows = Math.max(Math.ceil(header.count / 2048), 1);
-  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, 2048, rows, 1 + header.lights.length);
-  for (let layer = 0; layer <= header.lights.length; layer++) {
-    const filled = new Uint32Array(2048 * rows);
-    filled.set(words.subarray(layer * header.count, (layer + 1) * header.count));
-    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2048, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, filled);
-  }
+  for (let layer = 0; layer <= header.lights.length; layer++)
+    putLayer(layer, words.subarray(layer * header.count, (layer + 1) * header.count));
 }
 const sky = texture();
 gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB9_E5, ...header.sky.size, 0, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV,
