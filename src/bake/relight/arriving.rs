@@ -52,10 +52,8 @@ impl Relighter {
     pub(super) fn sky_light(&mut self, by: Rgb) -> Vec<Rgb> {
         let Some(sky) = self.sky.0.as_ref().filter(|_| by.max_element() > 0.0) else { return Vec::new() };
         let model = &self.model;
-        let unit = self
-            .arriving
-            .sky
-            .get_or_insert_with(|| Problem { sky: Some(sky), ..model.problem() }.skylight());
+        let unit =
+            self.arriving.sky.get_or_insert_with(|| Problem { sky: Some(sky), ..model.problem() }.skylight());
         unit.par_iter().with_min_len(RUN).map(|light| *light * by).collect()
     }
 }
