@@ -121,7 +121,7 @@ impl Problem<'_> {
     }
 
     /// Radiosity of the sites before any interreflection: glow, and the lamps' light reflected once.
-    fn unreflected(&self) -> Vec<Rgb> {
+    pub fn unreflected(&self) -> Vec<Rgb> {
         (0..self.around.sites.len())
             .into_par_iter()
             .map(|site| self.exitance[site] + self.albedo[site] * self.direct.at_site(self.lamps, site))

@@ -23,6 +23,7 @@ impl Relighter {
         let lamp = |bright| Lamp { name: "sky".into(), strength: Rgb::ONE, shape: Shape::Sky(bright) };
         self.sky = (rest, bright.map(lamp));
         self.forget(Origin::Sky);
+        self.arriving.forget_sky();
         let skies = |k: &usize| matches!(self.model.lamps[*k].shape, Shape::Sky(_));
         (0..self.linked.len())
             .filter(skies)
@@ -56,6 +57,7 @@ impl Relighter {
         let ledger = Ledger::idle(pause);
         let (rays, linked) = relink(&mut self.model, &wanted, (&sites, &samples), &ledger)?;
         (report.rays, self.linked) = (rays, linked);
+        self.arriving.forget_lamps();
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Other lights and other albedos for a finished job, without new rows.
 
 mod apart;
+mod arriving;
 mod change;
 mod keys;
 mod lighting;
@@ -30,6 +31,7 @@ use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
 pub use apart::Alone;
+use arriving::Arriving;
 pub use keys::Keys;
 pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
 use mixture::Mixture;
@@ -111,6 +113,7 @@ pub struct Relighter {
     sky: (Option<Sky>, Option<Lamp>),
     mixture: Option<Mixture>,
     links: OnceLock<Links>,
+    arriving: Arriving,
     transfers: Vec<(Origin, Transfer)>,
     /// First guesses for transfers that new albedos made void.
     stale: Vec<(Origin, Transfer)>,
@@ -164,6 +167,7 @@ impl Relighter {
             sky: (None, bright),
             mixture: None,
             links: OnceLock::new(),
+            arriving: Arriving::default(),
             transfers: Vec::new(),
             stale: Vec::new(),
             synced: true,
@@ -285,7 +289,7 @@ impl Relighter {
         self.turn_sky(&before);
         self.link(&before, &mut report, pause)?;
         if painted {
-            self.paint();
+            self.paint(&before);
         }
         let light = |origin: &Origin| tint(&self.now, *origin);
         let lit: Vec<Origin> = self.origins().into_iter().filter(|o| is_lit(&self.now, *o)).collect();
@@ -298,7 +302,7 @@ impl Relighter {
             return Ok(report);
         }
         self.sync();
-        let source = self.model.problem().source();
+        let source = self.source();
         let guess = vec![self.model.solution.irradiance.clone()];
         let params = self.together();
         let (transfers, found) =
@@ -376,8 +380,8 @@ impl Relighter {
             self.model.lamps[k].strength = if own && self.linked[k] { Rgb::splat(unit) } else { Rgb::ZERO };
         }
         self.model.direct.relight(&self.model.lamps);
-        let sky = self.sky.0.as_ref().filter(|_| origin == Origin::Sky);
-        Problem { exitance: &exitance, sky, ..self.model.problem() }.source()
+        let sky = if origin == Origin::Sky { self.sky_light(Rgb::ONE) } else { Vec::new() };
+        Source { own: Problem { exitance: &exitance, ..self.model.problem() }.unreflected(), sky }
     }
 
     /// The sky without its tint and, if it is the same everywhere, its radiance.
@@ -410,7 +414,7 @@ impl Relighter {
     }
 
     /// Takes over the albedos of now.
-    fn paint(&mut self) {
+    fn paint(&mut self, before: &Lighting) {
         let paints: Vec<Paint> = self.now.meshes.iter().map(|mesh| mesh.paint).collect();
         self.model.albedo = if paints.iter().all(|paint| *paint == Paint::Baked) {
             self.baked_albedo.clone()
@@ -418,7 +422,9 @@ impl Relighter {
             self.mixture().mean(|mesh, baked| paints[mesh].over(baked))
         };
         for (k, mesh) in self.model.scene.meshes.iter_mut().enumerate() {
-            mesh.albedo = paints[k].albedo(&self.baked.meshes[k].albedo);
+            if before.meshes[k].paint != paints[k] {
+                mesh.albedo = paints[k].albedo(&self.baked.meshes[k].albedo);
+            }
         }
         let fresh = std::mem::take(&mut self.transfers);
         self.stale.retain(|(own, _)| fresh.iter().all(|(origin, _)| origin != own));

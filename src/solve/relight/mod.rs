@@ -38,12 +38,15 @@ pub struct Transfer {
 const RUN: usize = 4096;
 
 impl Problem<'_> {
-    /// The light before any interreflection.
-    ///
-    /// Cost: the lamp links, and under a sky the rows' escaped rays; no rays are traced.
-    pub fn source(&self) -> Source {
-        let sky = if self.sky.is_some() { self.sky_light() } else { Vec::new() };
-        Source { own: self.unreflected(), sky }
+    /// Irradiance of the sites straight from the lamps, W·m⁻². Cost: the lamp links.
+    pub fn lamplight(&self) -> Vec<Rgb> {
+        let site = |site| self.direct.at_site(self.lamps, site);
+        (0..self.around.sites.len()).into_par_iter().with_min_len(64).map(site).collect()
+    }
+
+    /// Irradiance at receivers straight from the sky, W·m⁻². Cost: the rows' escaped rays; none are traced.
+    pub fn skylight(&self) -> Vec<Rgb> {
+        self.sky_light()
     }
 
     /// Everything that answers at points need, from irradiance at receivers that was found before.
