@@ -41,7 +41,7 @@ impl Lighting {
         let (name, mesh) = match origin {
             Origin::Mesh(k) => (scene.meshes[k].name.clone(), Some(k)),
             Origin::Lamp(k) => (scene.lamps[k].name.clone(), None),
-            Origin::Sky => ("sky".to_owned(), None),
+            Origin::Sky | Origin::Harmonic(_) => ("sky".to_owned(), None),
         };
         Alone { name, mesh, is_sky: origin == Origin::Sky, lighting }
     }

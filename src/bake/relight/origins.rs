@@ -16,6 +16,8 @@ pub(in crate::bake) enum Origin {
     Lamp(usize),
     /// All light from outside.
     Sky,
+    /// A sky that is one of the spherical harmonics, by its number; only transfers are of such.
+    Harmonic(usize),
 }
 
 /// The lights of a scene that may be switched: meshes that emit; lamps and sky, though they be off.
@@ -43,7 +45,9 @@ pub(super) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
     match origin {
         Origin::Mesh(k) => lighting.meshes[k].radiance,
         Origin::Lamp(k) => strength(&lighting.lamps[k]),
-        Origin::Sky => lighting.sky.map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE)),
+        Origin::Sky | Origin::Harmonic(_) => {
+            lighting.sky.as_ref().map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE))
+        }
     }
 }
 
