@@ -231,16 +231,20 @@ pub struct Relight {
     #[arg(value_name = "JOB")]
     pub job: PathBuf,
     /// Change a light or an albedo: NAME.radiance and NAME.albedo of a mesh, NAME.irradiance or NAME.intensity of a lamp,
-    /// NAME.position, NAME.direction, sky.radiance, sky.rotate; NAME.scale=0 switches off. Repeat for several.
+    /// NAME.position, NAME.direction, sky.radiance, sky.file, sky.rotate; NAME.scale=0 switches off. Repeat for several.
     #[arg(
         long,
         value_name = "NAME.KEY=VALUE",
         help = "Change a light or an albedo, as lamp.radiance=17,12,4; repeat for several",
         long_help = "Change a light or an albedo. Keys of meshes: radiance, albedo; of suns: irradiance, direction; of points \
-            and spots: intensity, position, direction; of the sky: radiance, rotate (degrees); of all that gives light: scale, 0 \
-            is off. Colours are R,G,B or one number. Repeat for several; later ones see what earlier ones changed."
+            and spots: intensity, position, direction; of the sky: radiance, file (a latitude-longitude image), rotate (degrees); of all that gives \
+            light: scale, 0 is off. Colours are R,G,B or one number. Repeat for several; later ones see what earlier ones changed."
     )]
     pub set: Vec<String>,
+    /// See the sky by N bands of spherical harmonics, N² functions, in place of itself: a sky that turns or is another then costs
+    /// no solution where the job holds their transfers, and no rays
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
+    pub harmonics: Option<u8>,
     /// Answer for the points of this table, as probe does
     #[arg(long, value_name = "CSV")]
     pub points: Option<PathBuf>,

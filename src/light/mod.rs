@@ -1,4 +1,6 @@
-//! Light's units and colours: linear Rec.709 triples, sRGB encoding, exposure.
+//! Light's units and colours: linear Rec.709 triples, sRGB encoding, exposure; far light by spherical harmonics.
+
+pub mod harmonics;
 
 use glam::Vec3;
 

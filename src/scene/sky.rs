@@ -14,6 +14,7 @@ use glam::{DVec3, Mat3, Quat, Vec3};
 
 use crate::error::{Error, Result};
 use crate::light::Rgb;
+use crate::light::harmonics::Harmonics;
 use crate::scene::materials::{BRIGHTEST, MAX_PIXELS, complaint, limited};
 use crate::scene::{Sky, Texture, Warning};
 
@@ -37,6 +38,30 @@ pub fn to_image(up: Vec3, degrees: f32) -> Mat3 {
     // The image's frame has −z in its middle, the convention has +z there.
     let half_turn = Quat::from_rotation_y(PI);
     Mat3::from_quat(half_turn * upright * turn_back)
+}
+
+/// By how many degrees about `up` an image with this rotation into its frame is turned, from 0 to 360.
+pub fn rotation(to_image_now: &Mat3, up: Vec3) -> f32 {
+    let turn_back = Quat::from_mat3(&(to_image(up, 0.0).transpose() * *to_image_now));
+    let degrees = (-2.0 * turn_back.xyz().dot(up).atan2(turn_back.w)).to_degrees();
+    degrees.rem_euclid(360.0)
+}
+
+/// The rotation from scene directions into the frame of [`crate::light::harmonics`].
+pub fn to_harmonics(up: Vec3) -> Mat3 {
+    // Its axes are −z, −x and y of an image that is not turned.
+    Mat3::from_cols(Vec3::NEG_Y, Vec3::Z, Vec3::NEG_X) * to_image(up, 0.0)
+}
+
+/// A sky of harmonics as an image of `height` rows: its values at pixels' middles, some of which may be negative.
+pub fn panorama(sky: &Harmonics, height: u32) -> Texture {
+    let width = 2 * height;
+    let pixel = |k: u32| {
+        let (sine, cosine) = (PI * ((k / width) as f32 + 0.5) / height as f32).sin_cos();
+        let (y, x) = (PI - TAU * ((k % width) as f32 + 0.5) / width as f32).sin_cos();
+        sky.radiance(Vec3::new(sine * x, sine * y, cosine))
+    };
+    Texture { width, height, pixels: (0..width * height).map(pixel).collect() }
 }
 
 /// Reads a latitude–longitude image (EXR or Radiance HDR).
@@ -169,6 +194,20 @@ impl Sky {
                 let x = (0.5 + d.x.atan2(-d.z) / TAU) * image.width as f32 - 0.5;
                 let y = d.y.clamp(-1.0, 1.0).acos() * FRAC_1_PI * image.height as f32 - 0.5;
                 image.bilinear_panorama(x, y)
+            }
+        }
+    }
+
+    /// Its projection onto spherical harmonics, as it stands in a scene with this up. Costs a pass over the image.
+    ///
+    /// # Panics
+    /// When not 1 to 4 bands are asked for.
+    pub fn harmonics(&self, up: Vec3, order: usize) -> Harmonics {
+        match self {
+            Self::Constant(radiance) => Harmonics::constant(*radiance, order),
+            Self::Image { image, to_image } => {
+                let own = Harmonics::project(image.width as usize, &image.pixels, order);
+                own.turned(rotation(to_image, up))
             }
         }
     }

@@ -17,6 +17,8 @@ pub(super) struct Arriving {
     lamps: Option<(Vec<Rgb>, Vec<Rgb>)>,
     /// Irradiance at receivers from what rows meet of the sky, untinted.
     sky: Option<Vec<Rgb>>,
+    /// The same of skies that are one of the harmonics each.
+    pub harmonics: Option<Vec<Vec<f32>>>,
 }
 
 impl Arriving {
@@ -40,7 +42,10 @@ impl Relighter {
         if self.arriving.lamps.as_ref().is_none_or(|(known, _)| *known != strengths) {
             self.arriving.lamps = Some((strengths, self.model.problem().lamplight()));
         }
-        let sky = self.sky_light(tint(&self.now, Origin::Sky));
+        let sky = match self.sky_coefficients() {
+            Some(coefficients) => self.harmonic_light(&coefficients),
+            None => self.sky_light(tint(&self.now, Origin::Sky)),
+        };
         let lamps = self.arriving.lamps.as_ref().map_or(&[][..], |(_, light)| light);
         let (albedo, exitance) = (&self.model.albedo, &self.model.exitance);
         let own = |site: usize| exitance[site] + albedo[site] * lamps[site];

@@ -1,7 +1,7 @@
 //! What a change of lights asks of the links: a sky split anew, lamps that are looked at.
 
-use super::lighting::with_strength;
-use super::origins::{Origin, is_lit, lamp_strength, origin_of, switches, tint};
+use super::lighting::{SkyLight, with_strength};
+use super::origins::{Origin, is_lit, lamp_strength, origin_of, switches};
 use super::relink::{Wanted, relink};
 use super::{Lighting, RelightReport, Relighter};
 use crate::archive::{Ledger, Pause};
@@ -12,12 +12,13 @@ use crate::links::lamps::{self, Lamp, Shape};
 use crate::scene::LampKind;
 
 impl Relighter {
-    /// Splits the sky anew where it is another than before.
-    pub(super) fn turn_sky(&mut self, before: &Lighting) {
-        let shape = |light: &Lighting| light.sky.map(|sky| (sky.constant.is_some(), sky.rotate_degrees));
-        if shape(before) == shape(&self.now) {
+    /// Splits the sky anew where it is another than it was split as. One that is seen by harmonics is not split at all.
+    pub(super) fn turn_sky(&mut self) {
+        let now = self.now.sky.as_ref();
+        if now.is_some_and(|sky| sky.harmonics.is_some()) || is_same_sky(now, self.split_as.as_ref()) {
             return;
         }
+        self.split_as = self.now.sky.clone();
         let split = self.unit_sky(&self.now).map(|sky| sky.split());
         let (rest, bright) = split.map_or((None, None), |(rest, bright)| (Some(rest), bright));
         let lamp = |bright| Lamp { name: "sky".into(), strength: Rgb::ONE, shape: Shape::Sky(bright) };
@@ -114,11 +115,23 @@ impl Relighter {
         }
         wanted.extend(new_emitters.into_iter().map(|lamp| Wanted { lamp, known: None }));
         if let Some(bright) = &self.sky.1 {
-            let strength = tint(&self.now, Origin::Sky);
+            let strength = self.bright_strength();
             let known = (0..self.linked.len())
                 .find(|&k| self.linked[k] && matches!(self.model.lamps[k].shape, Shape::Sky(_)));
             wanted.push(Wanted { lamp: Lamp { strength, ..bright.clone() }, known });
         }
         wanted
+    }
+}
+
+/// Whether two skies differ in their tints at most; constant ones are each other's.
+fn is_same_sky(a: Option<&SkyLight>, b: Option<&SkyLight>) -> bool {
+    match (a, b) {
+        (Some(a), Some(b)) => match (a.constant, b.constant) {
+            (Some(_), Some(_)) => true,
+            (None, None) => a.rotate_degrees == b.rotate_degrees && a.image == b.image,
+            _ => false,
+        },
+        (a, b) => a.is_none() && b.is_none(),
     }
 }

@@ -105,6 +105,14 @@ impl Keys {
         self.keys.last().map_or(0, |key| key.frame + 1)
     }
 
+    /// The same keys, their skies seen by `order` bands of harmonics ([`SkyLight::harmonics`]).
+    #[must_use]
+    pub fn with_harmonics(mut self, order: usize) -> Self {
+        let skies = self.keys.iter_mut().filter_map(|key| key.lighting.sky.as_mut());
+        skies.for_each(|sky| sky.harmonics = Some(order));
+        self
+    }
+
     /// The two keys around a frame and how far it lies between them.
     fn around(&self, frame: u32) -> (&Key, &Key, f32) {
         let after = self.keys.partition_point(|key| key.frame <= frame).min(self.keys.len() - 1);
@@ -155,10 +163,10 @@ impl Lighting {
         Self {
             meshes: self.meshes.iter().zip(&other.meshes).map(mesh).collect(),
             lamps: self.lamps.iter().zip(&other.lamps).map(|(a, b)| lamp_toward(a, b, share)).collect(),
-            sky: match (self.sky, other.sky) {
-                (Some(a), Some(b)) => Some(a.toward(&b, share)),
-                (None, Some(b)) => Some(SkyLight { tint: b.tint * share, ..b }),
-                (Some(a), None) => Some(SkyLight { tint: a.tint * (1.0 - share), ..a }),
+            sky: match (&self.sky, &other.sky) {
+                (Some(a), Some(b)) => Some(a.toward(b, share)),
+                (None, Some(b)) => Some(SkyLight { tint: b.tint * share, ..b.clone() }),
+                (Some(a), None) => Some(SkyLight { tint: a.tint * (1.0 - share), ..a.clone() }),
                 (None, None) => None,
             },
         }
@@ -173,7 +181,7 @@ impl SkyLight {
         };
         let turn = other.rotate_degrees - self.rotate_degrees;
         let rotate_degrees = self.rotate_degrees + turn * share;
-        Self { constant, tint: self.tint.lerp(other.tint, share), rotate_degrees }
+        Self { constant, tint: self.tint.lerp(other.tint, share), rotate_degrees, ..self.clone() }
     }
 }
 

@@ -1,11 +1,15 @@
 //! What may change without new rows: lights and albedos, by the names of the scene.
 
-use glam::{DVec3, Mat3, Quat, Vec3};
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
 
 use crate::error::{Error, Result};
 use crate::light::Rgb;
+use crate::light::harmonics::MOST_ORDER;
 use crate::scene::materials::{LIMIT, check_albedo, check_radiance};
-use crate::scene::{Albedo, LampKind, Scene, Sky, nearest_word, sky};
+use crate::scene::{Albedo, LampKind, Scene, Sky, Texture, Warning, nearest_word, sky};
 
 /// The lights and albedos of a scene: a plain value, to be changed and handed to
 /// [`Relighter::relight`](super::Relighter::relight). Entries are in the order of the scene.
@@ -40,14 +44,47 @@ pub enum Paint {
 }
 
 /// Light from outside.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SkyLight {
-    /// The same radiance from everywhere, W·m⁻²·sr⁻¹; None for the image that was baked.
+    /// The same radiance from everywhere, W·m⁻²·sr⁻¹; None for an image.
     pub constant: Option<Rgb>,
+    /// Another image than the one that was baked.
+    pub image: Option<SkyImage>,
     /// Multiplies either, by channel.
     pub tint: Rgb,
     /// Turns the image about the scene's up, degrees counter-clockwise from above: what a scene file calls `rotate`.
     pub rotate_degrees: f32,
+    /// The bands of spherical harmonics (1 to 4) that the sky is seen by, in place of itself: without a solution once
+    /// [`Relighter::prepare_sky`](super::Relighter::prepare_sky) has been asked for as many. None for the sky as it is.
+    pub harmonics: Option<usize>,
+}
+
+/// A latitude–longitude image.
+#[derive(Debug, Clone)]
+pub struct SkyImage {
+    /// Its pixels, shared by all that see it.
+    pub texture: Arc<Texture>,
+    /// What reading it changed.
+    pub warnings: Vec<Warning>,
+}
+
+impl SkyImage {
+    /// Reads one (EXR or Radiance HDR).
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what is no such image.
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut warnings = Vec::new();
+        let texture = Arc::new(sky::read_image(path, &mut warnings)?);
+        Ok(Self { texture, warnings })
+    }
+}
+
+impl PartialEq for SkyImage {
+    fn eq(&self, other: &Self) -> bool {
+        let (a, b) = (&*self.texture, &*other.texture);
+        Arc::ptr_eq(&self.texture, &other.texture) || (a.width == b.width && a.pixels == b.pixels)
+    }
 }
 
 impl Lighting {
@@ -63,7 +100,7 @@ impl Lighting {
 
     /// Changes one value, given as `NAME.KEY=VALUE`: for meshes `radiance`, `albedo`; for suns `irradiance` and
     /// `direction`, for points and spots `intensity` and `position`, for spots `direction`; for the sky, whose name is `sky`,
-    /// `radiance` and `rotate`. `scale` multiplies what a mesh or the sky emits or a lamp gives by a number; 0 is off. Colours
+    /// `radiance`, `file` (a latitude–longitude image), `rotate` and `harmonics` (bands that it is seen by; 0 for as it is). `scale` multiplies what a mesh or the sky emits or a lamp gives by a number; 0 is off. Colours
     /// are three numbers, or one for grey. `scene` is the one that was baked.
     ///
     /// # Errors
@@ -75,6 +112,12 @@ impl Lighting {
             return Err(refuse("expected NAME.KEY=VALUE, as lamp.radiance=17,12,4".into()));
         };
         let (name, key) = (name.trim(), key.trim());
+        if (name, key) == ("sky", "file") {
+            let image = SkyImage::read(Path::new(value.trim()))?;
+            let harmonics = self.sky.as_ref().and_then(|sky| sky.harmonics);
+            self.sky = Some(SkyLight { constant: None, image: Some(image), harmonics, ..SkyLight::DARK });
+            return Ok(());
+        }
         let numbers = numbers(value).map_err(refuse)?;
         if let Some(k) = scene.meshes.iter().position(|mesh| mesh.name == name) {
             return self.meshes[k].set(key, &numbers).map_err(refuse);
@@ -97,14 +140,17 @@ impl Lighting {
     }
 
     fn set_sky(&mut self, key: &str, numbers: &[f64]) -> Result<(), String> {
-        let dark = SkyLight { constant: Some(Rgb::ZERO), tint: Rgb::ONE, rotate_degrees: 0.0 };
-        let sky = self.sky.get_or_insert(dark);
+        let sky = self.sky.get_or_insert(SkyLight::DARK);
         match key {
-            "radiance" => *sky = SkyLight { constant: Some(light(numbers)?), ..dark },
+            "radiance" => {
+                let harmonics = sky.harmonics;
+                *sky = SkyLight { constant: Some(light(numbers)?), harmonics, ..SkyLight::DARK };
+            }
             "rotate" if sky.constant.is_some() => return Err("a constant sky cannot be rotated".into()),
             "rotate" => sky.rotate_degrees = number(numbers)? as f32,
             "scale" => sky.tint *= scale(numbers)?,
-            _ => return Err(unknown_key(key, &["radiance", "rotate", "scale"])),
+            "harmonics" => sky.harmonics = bands(numbers)?,
+            _ => return Err(unknown_key(key, &["radiance", "file", "rotate", "scale", "harmonics"])),
         }
         Ok(())
     }
@@ -133,8 +179,11 @@ impl Lighting {
         let Some(sky) = &self.sky else { return Ok(()) };
         check_radiance(sky.tint * sky.constant.unwrap_or(Rgb::ONE))
             .map_err(|problem| refuse("sky", problem))?;
-        if sky.constant.is_none() && !matches!(scene.sky, Some(Sky::Image { .. })) {
-            return Err(refuse("sky", "no image was baked: give a radiance".into()));
+        if sky.harmonics.is_some_and(|order| !(1..=MOST_ORDER).contains(&order)) {
+            return Err(refuse("sky", format!("it can be seen by 1 to {MOST_ORDER} bands of harmonics")));
+        }
+        if sky.constant.is_none() && sky.image.is_none() && !matches!(scene.sky, Some(Sky::Image { .. })) {
+            return Err(refuse("sky", "no image was baked: give a radiance or a file".into()));
         }
         Ok(())
     }
@@ -197,12 +246,16 @@ impl Paint {
 }
 
 impl SkyLight {
+    /// No light from outside.
+    pub const DARK: Self =
+        Self { constant: Some(Rgb::ZERO), image: None, tint: Rgb::ONE, rotate_degrees: 0.0, harmonics: None };
+
     fn of(sky: &Sky, up: Vec3) -> Self {
         let (constant, rotate_degrees) = match sky {
             Sky::Constant(radiance) => (Some(*radiance), 0.0),
-            Sky::Image { to_image, .. } => (None, rotation(to_image, up)),
+            Sky::Image { to_image, .. } => (None, sky::rotation(to_image, up)),
         };
-        Self { constant, tint: Rgb::ONE, rotate_degrees }
+        Self { constant, rotate_degrees, ..Self::DARK }
     }
 
     /// Whether any light comes from it.
@@ -212,11 +265,15 @@ impl SkyLight {
 
     /// The sky that this is, given the one that was baked; its tint left out.
     pub(in crate::bake) fn untinted(&self, baked: &Sky, up: Vec3) -> Sky {
+        if let (None, Some(own)) = (self.constant, &self.image) {
+            let to_image = sky::to_image(up, self.rotate_degrees);
+            return Sky::Image { image: Arc::clone(&own.texture), to_image };
+        }
         match (self.constant, baked) {
             (Some(radiance), _) => Sky::Constant(radiance),
             (None, Sky::Constant(_)) => baked.clone(),
             (None, Sky::Image { image, to_image }) => {
-                let was = rotation(to_image, up);
+                let was = sky::rotation(to_image, up);
                 // As it is where it has not been turned: links to its bright part stay what they were.
                 let turned = if was == self.rotate_degrees {
                     *to_image
@@ -227,13 +284,6 @@ impl SkyLight {
             }
         }
     }
-}
-
-/// By how many degrees about `up` a sky is turned.
-fn rotation(to_image: &Mat3, up: Vec3) -> f32 {
-    let turn_back = Quat::from_mat3(&(sky::to_image(up, 0.0).transpose() * *to_image));
-    let degrees = (-2.0 * turn_back.xyz().dot(up).atan2(turn_back.w)).to_degrees();
-    degrees.rem_euclid(360.0)
 }
 
 /// Irradiance or intensity of a lamp.
@@ -314,6 +364,15 @@ fn light(numbers: &[f64]) -> Result<Rgb, String> {
 
 fn scale(numbers: &[f64]) -> Result<Rgb, String> {
     light(numbers)
+}
+
+/// Bands of harmonics; none for nought.
+fn bands(numbers: &[f64]) -> Result<Option<usize>, String> {
+    let number = number(numbers)?;
+    match (0..=MOST_ORDER).find(|&order| order as f64 == number) {
+        Some(order) => Ok(Some(order).filter(|&order| order > 0)),
+        None => Err(format!("expected a whole number from 0 to {MOST_ORDER}, got {number}")),
+    }
 }
 
 fn vector(numbers: &[f64]) -> Result<DVec3, String> {

@@ -8,9 +8,10 @@ mod lighting;
 pub(super) mod mixture;
 pub(super) mod origins;
 mod relink;
+mod sky;
 
 use std::path::Path;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use super::job::{OPTIONS_FILE, read_side};
 use super::laws::Plan;
@@ -21,10 +22,11 @@ use super::store::{self, Purpose};
 use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
+use crate::light::harmonics::Harmonics;
 use crate::light::{Rgb, mean_channel};
 use crate::links::lamps::{self, Lamp, Shape};
 use crate::scatter::surface::Surface;
-use crate::scene::{Scene, Sky};
+use crate::scene::{Scene, Sky, Texture};
 use crate::sites::{Samples, Sites};
 use crate::solve::relight::{Links, Source, TogetherParams, Transfer, solve_together, superpose};
 use crate::solve::transport::Transport;
@@ -34,7 +36,7 @@ pub use apart::Alone;
 use arriving::Arriving;
 pub use keys::Keys;
 pub(super) use lighting::with_strength;
-pub use lighting::{Lighting, MeshLight, Paint, SkyLight};
+pub use lighting::{Lighting, MeshLight, Paint, SkyImage, SkyLight};
 use mixture::Mixture;
 pub(super) use origins::switches;
 use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
@@ -112,6 +114,10 @@ pub struct Relighter {
     linked: Vec<bool>,
     /// What rows meet of the sky, and the lamp of its bright part, as they are untinted.
     sky: (Option<Sky>, Option<Lamp>),
+    /// The sky that they are of.
+    split_as: Option<SkyLight>,
+    /// The harmonics of an image of a sky, before it is turned.
+    projected: Option<(Arc<Texture>, Harmonics)>,
     mixture: Option<Mixture>,
     links: OnceLock<Links>,
     arriving: Arriving,
@@ -165,10 +171,12 @@ impl Relighter {
             now: lighting.clone(),
             baked_albedo: model.albedo.clone(),
             glow: glow(&lighting, &glowing),
-            baked_lighting: lighting,
             glowing,
             linked,
             sky: (None, bright),
+            split_as: lighting.sky.clone(),
+            projected: None,
+            baked_lighting: lighting,
             mixture: None,
             links: OnceLock::new(),
             arriving: Arriving::default(),
@@ -252,9 +260,16 @@ impl Relighter {
     pub fn prepare_with(&mut self, pause: Pause<'_>) -> Result<RelightReport> {
         let off = if self.switched { switches(&self.baked) } else { Vec::new() };
         let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o) || off.contains(o);
-        let known = |o: &Origin| self.transfers.iter().any(|(own, _)| own == o);
-        let wanted: Vec<Origin> =
-            self.origins().into_iter().filter(|o| lit(o) && !known(o) && self.is_linked(*o)).collect();
+        let order = self.now.sky.as_ref().and_then(|sky| sky.harmonics);
+        let by_harmonics = |o: &Origin| *o == Origin::Sky && order.is_some();
+        let wanted = self.origins().into_iter().filter(|o| lit(o) && self.is_linked(*o) && !by_harmonics(o));
+        let harmonics = (0..order.unwrap_or(0).pow(2)).map(Origin::Harmonic);
+        self.prepare_each(wanted.chain(harmonics).collect(), pause)
+    }
+
+    /// Solves for units of lights that are not known yet.
+    fn prepare_each(&mut self, mut wanted: Vec<Origin>, pause: Pause<'_>) -> Result<RelightReport> {
+        wanted.retain(|o| self.transfers.iter().all(|(own, _)| own != o));
         let mut report = RelightReport { converged: true, ..RelightReport::default() };
         for some in wanted.chunks(TOGETHER) {
             let sources: Vec<Source> = some.iter().map(|&origin| self.unit_source(origin)).collect();
@@ -293,17 +308,19 @@ impl Relighter {
         let painted = self.now.meshes.iter().zip(&to.meshes).any(|(was, is)| was.paint != is.paint);
         let before = std::mem::replace(&mut self.now, to.clone());
         (self.synced, self.whole) = (false, false);
-        self.turn_sky(&before);
+        self.turn_sky();
+        self.warn_of_image(&before, &mut report);
         // First what no pause interrupts: `now` holds already.
         if painted {
             self.paint(&before);
         }
         self.link(&before, &mut report, pause)?;
-        let light = |origin: &Origin| tint(&self.now, *origin);
-        let lit: Vec<Origin> = self.origins().into_iter().filter(|o| is_lit(&self.now, *o)).collect();
-        let transfer =
-            |o: &Origin| self.transfers.iter().find(|(own, _)| own == o).map(|(_, c)| (c, light(o)));
-        if let Some(parts) = lit.iter().map(transfer).collect::<Option<Vec<_>>>() {
+        let coefficients = self.sky_coefficients();
+        let transfer = |&(origin, light): &(Origin, Rgb)| {
+            self.transfers.iter().find(|(own, _)| *own == origin).map(|(_, c)| (c, light))
+        };
+        let shining = self.shining(coefficients.as_deref());
+        if let Some(parts) = shining.iter().map(transfer).collect::<Option<Vec<_>>>() {
             let solution = &mut self.model.solution;
             superpose(&parts, &mut solution.irradiance, &mut solution.radiosity);
             report.superposed = true;
@@ -375,6 +392,9 @@ impl Relighter {
 
     /// One light alone, as bright as one.
     fn unit_source(&mut self, origin: Origin) -> Source {
+        if let Origin::Harmonic(number) = origin {
+            return self.harmonic_source(number);
+        }
         let exitance = match origin {
             Origin::Mesh(mesh) if self.glowing[mesh] => {
                 let glow = Rgb::splat(std::f32::consts::PI);
@@ -394,7 +414,7 @@ impl Relighter {
 
     /// The sky without its tint and, if it is the same everywhere, its radiance.
     fn unit_sky(&self, lighting: &Lighting) -> Option<Sky> {
-        let light = lighting.sky?;
+        let light = lighting.sky.clone()?;
         let unit = SkyLight { constant: light.constant.map(|_| Rgb::ONE), ..light };
         Some(unit.untinted(self.baked.sky.as_ref().unwrap_or(&Sky::Constant(Rgb::ONE)), self.baked.up))
     }
@@ -455,10 +475,17 @@ impl Relighter {
         let light = tint(&self.now, Origin::Sky);
         let whole = self.unit_sky(&self.now);
         self.model.scene.sky = whole.map(|sky| tinted(&sky, light));
-        self.model.direct.sky = self.sky.0.as_ref().map(|sky| tinted(sky, light));
+        self.model.direct.sky = match self.sky_coefficients() {
+            Some(coefficients) => Some(self.banded_sky(coefficients)),
+            None => self.sky.0.as_ref().map(|sky| tinted(sky, light)),
+        };
+        let bright = self.bright_strength();
         for k in 0..self.model.lamps.len() {
             // One without links was moved or turned while it was dark, or there is none in such a sky.
-            let light = lamp_strength(&self.now, origin_of(&self.model.lamps, k));
+            let light = match origin_of(&self.model.lamps, k) {
+                Origin::Sky => bright,
+                other => lamp_strength(&self.now, other),
+            };
             self.model.lamps[k].strength = if self.linked[k] { light } else { Rgb::ZERO };
         }
         self.model.direct.relight(&self.model.lamps);

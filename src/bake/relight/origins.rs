@@ -16,6 +16,8 @@ pub(in crate::bake) enum Origin {
     Lamp(usize),
     /// All light from outside.
     Sky,
+    /// A sky that is one of the spherical harmonics, by its number; only transfers are of such.
+    Harmonic(usize),
 }
 
 impl Origin {
@@ -24,7 +26,7 @@ impl Origin {
         match self {
             Self::Mesh(k) => &scene.meshes[k].name,
             Self::Lamp(k) => &scene.lamps[k].name,
-            Self::Sky => "sky",
+            Self::Sky | Self::Harmonic(_) => "sky",
         }
     }
 }
@@ -54,7 +56,9 @@ pub(in crate::bake) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
     match origin {
         Origin::Mesh(k) => lighting.meshes[k].radiance,
         Origin::Lamp(k) => strength(&lighting.lamps[k]),
-        Origin::Sky => lighting.sky.map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE)),
+        Origin::Sky | Origin::Harmonic(_) => {
+            lighting.sky.as_ref().map_or(Rgb::ZERO, |sky| sky.tint * sky.constant.unwrap_or(Rgb::ONE))
+        }
     }
 }
 

@@ -119,7 +119,7 @@ impl Alone {
             .collect();
         let glow = glow(&lighting, glowing);
         let exitance = mixture.mean(|mesh, _| glow[mesh]);
-        let light = lighting.sky.filter(|_| is_lit(&lighting, Origin::Sky));
+        let light = lighting.sky.as_ref().filter(|_| is_lit(&lighting, Origin::Sky));
         let sky = light
             .zip(scene.sky.as_ref())
             .map(|(light, sky)| tinted(&light.untinted(sky, scene.up).split().0, light.tint));

@@ -5,6 +5,7 @@
 //! afterwards), and Lehtinen et al. 2008. Unlike there, a transfer belongs to a light of the scene and holds all sites.
 
 mod bounce;
+mod harmonics;
 mod links;
 mod together;
 

@@ -58,7 +58,9 @@ pub fn solve_together<E>(
         None => iterate((transport, links), sources, guesses, (params, pause))?,
     };
     let transfer = |(mut irradiance, source): (Vec<Rgb>, &Source)| {
-        irradiance.iter_mut().for_each(|h| *h = h.max(Rgb::ZERO));
+        // Of light that is nowhere negative; skies of harmonics are.
+        let negative = source.own.iter().chain(&source.sky).any(|light| light.min_element() < 0.0);
+        irradiance.iter_mut().filter(|_| !negative).for_each(|h| *h = h.max(Rgb::ZERO));
         let radiosity = transport.pull(&transport.push(&irradiance), Some(&source.own));
         Transfer { irradiance, radiosity }
     };
@@ -91,7 +93,7 @@ fn iterate<E>(
 ) -> Result<(Vec<Vec<Rgb>>, IterateReport), E> {
     // What no source has stays none: its residual would never be small beside it.
     for (light, source) in lights.iter_mut().zip(sources) {
-        let has = source.own.iter().chain(&source.sky).fold(Rgb::ZERO, |m, v| m.max(*v));
+        let has = source.own.iter().chain(&source.sky).fold(Rgb::ZERO, |m, v| m.max(v.abs()));
         let mask = Rgb::select(has.cmpgt(Rgb::ZERO), Rgb::ONE, Rgb::ZERO);
         light.iter_mut().for_each(|h| *h *= mask);
     }

@@ -37,7 +37,10 @@ pub fn run(request: &Relight, keys: &Path, console: &Console) -> Result<()> {
     let pattern = Pattern::of(request.output.as_deref().unwrap_or(Path::new("")))?;
     let mut relighter = Relighter::open(&request.job)?;
     let made_from = [keys, &request.job.join("light.glow")].map(changed_at);
-    let keys = Keys::read(keys, relighter.scene())?;
+    let mut keys = Keys::read(keys, relighter.scene())?;
+    if let Some(order) = request.harmonics {
+        keys = keys.with_harmonics(usize::from(order));
+    }
     let mut told = relighter.relight_with(&keys.lighting(0), &|| console.check())?.warnings;
     let model = relighter.model();
     // The same for all frames, that light which changes is seen to.

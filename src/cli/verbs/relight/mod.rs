@@ -51,6 +51,9 @@ pub fn run(request: &Relight, console: &Console) -> Result<()> {
     for text in &request.set {
         lighting.set(relighter.scene(), text)?;
     }
+    if let (Some(order), Some(sky)) = (request.harmonics, &mut lighting.sky) {
+        sky.harmonics = Some(usize::from(order));
+    }
     let open_seconds = watch.seconds();
     let stage = Stage::start(console, "solve", "iterations", None);
     let report = relighter.relight_with(&lighting, &|| console.check())?;

@@ -152,6 +152,6 @@ fn is_same(a: &Lighting, b: &Lighting) -> bool {
         | LampKind::Spot { intensity: light, .. }) = kind;
         *light != Rgb::ZERO
     };
-    let sky = |lighting: &Lighting| lighting.sky.filter(|sky| sky.tint != Rgb::ZERO);
-    a.meshes == b.meshes && a.lamps.iter().filter(lit).eq(b.lamps.iter().filter(lit)) && sky(a) == sky(b)
+    let [sky, other] = [a, b].map(|light| light.sky.as_ref().filter(|sky| sky.tint != Rgb::ZERO));
+    a.meshes == b.meshes && a.lamps.iter().filter(lit).eq(b.lamps.iter().filter(lit)) && sky == other
 }
