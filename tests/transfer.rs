@@ -11,7 +11,6 @@ use glowtree::bake::{self, Lighting, Options, Relighter, Silent};
 use glowtree::light::Rgb;
 use glowtree::light::harmonics::{Harmonics, MOST};
 use glowtree::scene::{Sky, Texture, sky};
-use glowtree::solve::relight::superpose;
 
 /// A court with a roof over half of it, red on one side: light from outside is occluded and reflected.
 const COURT: &str = "\
@@ -43,7 +42,7 @@ fn court(sky: &str) -> tempfile::TempDir {
         paint("roof", "0.6 0.6 0.6"),
     ];
     std::fs::write(folder.path().join("court.mtl"), paints.concat()).unwrap();
-    let scene = format!("up = \"y\"\n[[mesh]]\nfile = \"court.obj\"\nsides = 2\n{sky}");
+    let scene = format!("[[mesh]]\nfile = \"court.obj\"\nsides = 2\n{sky}");
     std::fs::write(folder.path().join("scene.toml"), scene).unwrap();
     folder
 }
