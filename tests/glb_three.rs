@@ -186,7 +186,7 @@ fn three_js_shows_the_light_that_render_shows() {
         assert!(counts.iter().all(|count| *count == counts[0] && count.as_u64() > Some(20)), "{mesh}");
         // Colours of 16 bits: half a step, and what single precision rounds.
         assert!(mesh["apart"].as_f64() < Some(0.6 / 65_535.0), "{mesh}");
-        assert!(mesh["most"].as_f64() > Some(0.05), "no light: {mesh}");
+        assert!(mesh["most"].as_f64() > Some(0.02), "no light: {mesh}");
     }
     // The file's exposure is of radiosity, that of pictures of radiance: B = π L.
     let exposed = told["exposure"].as_f64().unwrap() as f32 * std::f32::consts::PI;

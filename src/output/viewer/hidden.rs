@@ -12,7 +12,7 @@ pub struct Seams(Vec<(u32, u32)>);
 
 impl Seams {
     /// Those of a mesh in all `lights` together, whose mean irradiance is `level`.
-    pub fn new(mesh: &ViewMesh, lights: &[Vec<Rgb>], level: f32) -> Self {
+    pub fn new(mesh: &ViewMesh, lights: &[&[Rgb]], level: f32) -> Self {
         let lit = |v: usize| lights.iter().map(|light| light[v].max_element()).sum::<f32>();
         let hidden: Vec<bool> = (0..mesh.points.len()).map(|v| lit(v) <= HIDDEN * level).collect();
         let mut seams = Vec::new();
@@ -45,9 +45,8 @@ mod tests {
         let mesh = ViewMesh::new(&synthetic::square(), 2_000);
         let hidden: Vec<bool> = mesh.points.iter().map(|point| point.position.x < 0.5).collect();
         let light = |hides: &bool| if *hides { Rgb::ZERO } else { Rgb::ONE };
-        let mut lights = vec![hidden.iter().map(light).collect::<Vec<_>>()];
-        Seams::new(&mesh, &lights, 1.0).lighten(&mut lights[0]);
-        let light = &lights[0];
+        let mut light: Vec<Rgb> = hidden.iter().map(light).collect();
+        Seams::new(&mesh, &[&light], 1.0).lighten(&mut light);
         let crosses =
             |t: &&[u32; 3]| [true, false].iter().all(|side| t.iter().any(|&v| hidden[v as usize] == *side));
         let mut seam = mesh.one_sided.iter().filter(crosses).peekable();

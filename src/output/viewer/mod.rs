@@ -25,6 +25,18 @@ pub const VERTICES: usize = 200_000;
 /// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
 pub const MOST_SITES: usize = 300_000;
 
+/// Places of a turned sky that a page holds, so far as its vertices are few: the waves of light over a turn up to the fourth.
+const MOST_TURNS: usize = 9;
+
+/// Colours of turned skies in a page at the most: 32 MiB.
+const TURNED_COLOURS: usize = 8 << 20;
+
+/// Into how many parts a turn of the sky is cut for a page of so many vertices: odd; 1 where there is no room.
+pub fn turns(vertices: usize) -> usize {
+    let room = TURNED_COLOURS / vertices.max(1);
+    (room / 2 * 2 + 1).min(MOST_TURNS)
+}
+
 /// One light, by what it does at the vertices of a [`ViewMesh`].
 #[derive(Debug, Clone)]
 pub struct ViewLight {
@@ -32,10 +44,23 @@ pub struct ViewLight {
     pub name: String,
     /// What falls on each vertex at weight 1 by this light alone, all bounces together, W·m⁻².
     pub irradiance: Vec<Rgb>,
+    /// For a sky that may be turned: the same with the sky turned about the scene's up by each multiple but 0 of equal parts of a
+    /// full turn, an even number; else nothing.
+    pub turned: Vec<Vec<Rgb>>,
     /// The meshes of the scene whose own radiance is this light's.
     pub glowing: Vec<u32>,
     /// Whether the sky behind the scene is this light's.
     pub is_sky: bool,
+}
+
+impl ViewLight {
+    fn all(&self) -> impl Iterator<Item = &[Rgb]> {
+        [&self.irradiance].into_iter().chain(&self.turned).map(Vec::as_slice)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut Vec<Rgb>> {
+        [&mut self.irradiance].into_iter().chain(&mut self.turned)
+    }
 }
 
 /// What is known at the vertices of a [`ViewMesh`].
@@ -99,7 +124,7 @@ impl Picture<'_> {
     pub fn drop_dark_backs(&mut self) {
         let dark = |v: u32| {
             let v = v as usize;
-            let unlit = self.lit.lights.iter().all(|light| light.irradiance[v].max_element() <= 0.0);
+            let unlit = self.lit.lights.iter().flat_map(ViewLight::all).all(|h| h[v].max_element() <= 0.0);
             unlit && self.scene.meshes[self.mesh.meshes[v] as usize].radiance == Rgb::ZERO
         };
         // Fronts and backs take turns.
@@ -118,11 +143,9 @@ impl Picture<'_> {
     /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
     /// darken it as far as the next vertex.
     pub fn lighten_hidden(&mut self) {
-        let mut lights: Vec<Vec<Rgb>> =
-            self.lit.lights.iter_mut().map(|light| std::mem::take(&mut light.irradiance)).collect();
+        let lights: Vec<&[Rgb]> = self.lit.lights.iter().flat_map(ViewLight::all).collect();
         let seams = Seams::new(&self.mesh, &lights, self.level);
-        lights.iter_mut().for_each(|light| seams.lighten(light));
-        self.lit.lights.iter_mut().zip(lights).for_each(|(light, irradiance)| light.irradiance = irradiance);
+        self.lit.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| seams.lighten(light));
     }
 
     /// Leaves out the vertices that no triangle uses.
@@ -141,7 +164,7 @@ impl Picture<'_> {
         keep(&mut self.mesh.meshes, &used);
         keep(&mut self.lit.ambient, &used);
         keep(&mut self.lit.error, &used);
-        self.lit.lights.iter_mut().for_each(|light| keep(&mut light.irradiance, &used));
+        self.lit.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| keep(light, &used));
     }
 }
 

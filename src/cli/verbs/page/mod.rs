@@ -28,6 +28,7 @@ const BATCH: usize = 1 << 15;
 /// Those of opening the job, of [`viewer::write`], and interruptions.
 pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     let mut shown = Shown::open(job, viewer::VERTICES, console)?;
+    shown.turn_sky(console)?;
     let mut picture = shown.picture(job)?;
     picture.drop_dark_backs();
     picture.lighten_hidden();
@@ -77,6 +78,33 @@ impl Shown {
         relighter.relight_with(&baked, &|| console.check())?;
         stage.finish();
         Ok(Self { relighter, mesh, points, apart, lit })
+    }
+
+    /// Solves for the sky turned, if it is an image: a page that nobody serves adds these up. Light at a point is a periodic function
+    /// of the turn, and the page interpolates by waves between its places, which needs no sign in the layers.
+    ///
+    /// # Errors
+    /// Interruptions.
+    pub fn turn_sky(&mut self, console: &Console) -> Result<()> {
+        let parts = viewer::turns(self.points.len());
+        let is_image = |alone: &Alone| alone.lighting.sky.as_ref().is_some_and(|sky| sky.constant.is_none());
+        let Some(k) = self.apart.iter().position(|alone| alone.is_sky && is_image(alone)) else {
+            return Ok(());
+        };
+        let total = (parts - 1) * self.points.len();
+        let stage = Stage::start(console, "sky", "vertices", Some(total as u64));
+        for part in 1..parts {
+            let mut lighting = self.apart[k].lighting.clone();
+            let sky = lighting.sky.as_mut().expect("an image, found above");
+            sky.rotate_degrees += 360.0 * part as f32 / parts as f32;
+            self.relighter.relight_with(&lighting, &|| console.check())?;
+            let found = answers(self.relighter.model(), &self.points, &|amount| stage.advance(amount))?;
+            self.lit.lights[k].turned.push(irradiance(&found));
+        }
+        let baked = self.relighter.baked().clone();
+        self.relighter.relight_with(&baked, &|| console.check())?;
+        stage.finish();
+        Ok(())
     }
 
     /// What the page shows; mesh and light are handed over.
@@ -129,6 +157,7 @@ fn named(light: &Alone, answers: &[Irradiance]) -> ViewLight {
     ViewLight {
         name: light.name.clone(),
         irradiance: irradiance(answers),
+        turned: Vec::new(),
         glowing: light.mesh.map(|mesh| mesh as u32).into_iter().collect(),
         is_sky: light.is_sky,
     }

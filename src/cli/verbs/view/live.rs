@@ -105,7 +105,8 @@ impl Live {
 
     /// The lights as the page has them.
     fn encoded(&self) -> Vec<Layer> {
-        let seams = Seams::new(&self.mesh, &self.raw, self.level);
+        let lights: Vec<&[Rgb]> = self.raw.iter().map(Vec::as_slice).collect();
+        let seams = Seams::new(&self.mesh, &lights, self.level);
         let encode = |light: &Vec<Rgb>| {
             let mut light = light.clone();
             seams.lighten(&mut light);

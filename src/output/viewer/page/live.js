@@ -53,12 +53,15 @@ function changed() {
   due = setTimeout(solve, 200);
 }
 
-/** Adds `{albedo, lamps, rotate}` to the edits and solves at once: the tests' and scripts' way in. */
-glowtree.edit = ({ albedo = {}, lamps = {}, rotate = edits.rotate }) => {
+/** Adds `{albedo, lamps, turn}` to the edits and solves at once: the tests' and scripts' way in. */
+glowtree.edit = ({ albedo = {}, lamps = {}, turn }) => {
   Object.assign(edits.albedo, albedo);
   for (const name of Object.keys(albedo)) pickers[name]?.(albedo[name]);
   Object.assign(edits.lamps, lamps);
-  edits.rotate = rotate;
+  if (turn !== undefined) {
+    edits.rotate = header.live.rotate + turn;
+    plainSet({ turn });
+  }
   return solve();
 };
 
@@ -107,21 +110,15 @@ for (const { name, ...place } of header.live.lamps) {
   }
 }
 
-if (header.live.rotate !== null) {
-  const row = element(live, "label", { className: "row" });
-  element(row, "span", { textContent: "Turn of the sky" });
-  const degrees = element(row, "output", {});
-  const turn = element(live, "input", { className: "wide", type: "range", min: -180, max: 180, step: 1 });
-  turn.setAttribute("aria-label", "turn of the sky, degrees");
-  turn.value = header.live.rotate > 180 ? header.live.rotate - 360 : header.live.rotate;
-  const tell = () => (degrees.textContent = `${turn.value}°`);
-  tell();
-  turn.oninput = () => {
-    edits.rotate = Number(turn.value);
-    tell();
-    changed();
-  };
-}
+/* The sky's turn is the page's own as well: its slider, the key for a reset, and scripts all end here. */
+const plainSet = glowtree.set;
+glowtree.set = (change) => {
+  plainSet(change);
+  const rotate = state.turn === 0 ? null : header.live.rotate + state.turn;
+  if (header.live.rotate === null || rotate === edits.rotate) return;
+  edits.rotate = rotate;
+  changed();
+};
 
 if (fixed) live.hidden = true;
 if (asked.edit) glowtree.edit(JSON.parse(asked.edit));

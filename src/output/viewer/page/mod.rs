@@ -33,7 +33,7 @@ const CONNECT: [&str; 2] = ["connect-src 'none'", "connect-src 'self'"];
 const PIECE: usize = 3 << 16;
 
 /// WebGL 2 promises 256 layers; the albedo takes one.
-const MOST_LIGHTS: usize = 255;
+const MOST_LAYERS: usize = 255;
 
 /// Pixels of an image sky behind the scene, across and down: half a degree.
 const SKY_SIZE: [u32; 2] = [720, 360];
@@ -41,7 +41,8 @@ const SKY_SIZE: [u32; 2] = [720, 360];
 /// Writes the page to `path`.
 ///
 /// Blocks are little-endian: `vertices` (position f32×3, ambient and relative error f16, emitter u32), `fields` (RGB9_E5,
-/// layer by layer: the albedo, then each light's irradiance over its maximum, rows of 2,048 vertices), `indices` (u32,
+/// layer by layer: the albedo, then each light's irradiance over its maximum, then that of the sky turned by the k-th part of
+/// a full turn, k = 1, 2, …), `indices` (u32,
 /// one-sided triangles first), `sky` (RGB9_E5 over its maximum, row 0 up), `dots` (position, level, spacing f32).
 /// Directions and positions are local.
 ///
@@ -72,15 +73,16 @@ struct Page {
 
 impl Page {
     fn new(picture: &Picture<'_>, live: Option<&Value>) -> Result<Self> {
-        let count = picture.lit.lights.len();
-        if count > MOST_LIGHTS {
-            return Err(Error::Usage(format!("{count} lights are more than a page holds ({MOST_LIGHTS})")));
+        let count: usize = picture.lit.lights.iter().map(|light| 1 + light.turned.len()).sum();
+        if count > MOST_LAYERS {
+            return Err(Error::Usage(format!("{count} lights are more than a page holds ({MOST_LAYERS})")));
         }
         let layers: Vec<Layer> = layers(picture).collect();
         let (sky, sky_scale, sky_size) = sky(picture);
         let mut header = header(picture, &layers);
-        header["sky"] = json!({ "size": sky_size, "scale": sky_scale.to_array(),
-            "light": picture.lit.lights.iter().position(|light| light.is_sky) });
+        let light = picture.lit.lights.iter().position(|light| light.is_sky);
+        header["sky"] = json!({ "size": sky_size, "scale": sky_scale.to_array(), "light": light,
+            "up": picture.scene.up.to_array(), "turned": turned(picture, light, &layers) });
         if let Some(live) = live {
             header["live"] = live.clone();
         }
@@ -123,10 +125,18 @@ impl Page {
     }
 }
 
-/// The albedo and the lights' irradiance.
+/// The scales of the layers of the sky turned. No other light has any.
+fn turned(picture: &Picture<'_>, sky: Option<usize>, layers: &[Layer]) -> Vec<f32> {
+    let count = sky.map_or(0, |k| picture.lit.lights[k].turned.len());
+    layers[layers.len() - count..].iter().map(|layer| layer.scale).collect()
+}
+
+/// The albedo, the lights' irradiance, and that of skies turned.
 fn layers(picture: &Picture<'_>) -> impl Iterator<Item = Layer> {
-    let lights = picture.lit.lights.iter().map(|light| Layer::scaled(&light.irradiance));
-    [Layer::plain(&picture.mesh.albedo)].into_iter().chain(lights)
+    let lights = picture.lit.lights.iter().map(|light| &light.irradiance);
+    let turned = picture.lit.lights.iter().flat_map(|light| &light.turned);
+    let layers = lights.chain(turned).map(|light| Layer::scaled(light));
+    [Layer::plain(&picture.mesh.albedo)].into_iter().chain(layers)
 }
 
 /// What is said in words and single numbers.
