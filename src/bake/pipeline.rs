@@ -70,8 +70,8 @@ pub struct Target {
     pub relightable: bool,
 }
 
-/// Fewest points that judge a light.
-const FEWEST_JUDGES: usize = 150;
+/// Points that judge one light of several: what they say is known to a tenth.
+const JUDGES: usize = 150;
 
 /// Rounds of refinement at the most.
 const ROUNDS: u32 = 3;
@@ -426,9 +426,8 @@ fn each_by_itself<'a>(
         let estimate;
         (work, estimate) = work.lit_by(light, |lit| {
             find(lit, (plan, bounces), ledger)?;
-            let points = (plan.judges / lights.len()).max(FEWEST_JUDGES);
             let smooth = lit.smooth();
-            judged(&lit.field(plan, &smooth), plan, (points, &mut report.rays), ledger)
+            judged(&lit.field(plan, &smooth), plan, (JUDGES, &mut report.rays), ledger)
         })?;
         report.lights.push(LightEstimate { name: light.name.clone(), error: estimate.error });
         stage.advance(1)?;
