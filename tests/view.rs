@@ -232,7 +232,8 @@ fn relit(relighter: &mut Relighter, lighting: &Lighting, mesh: &ViewMesh) -> Vec
         lights.push(answers.iter().map(|answer| answer.total().max(Rgb::ZERO)).collect());
     }
     let level = bake_level(relighter);
-    let seams = Seams::new(mesh, &lights, level);
+    let shown: Vec<&[Rgb]> = lights.iter().map(Vec::as_slice).collect();
+    let seams = Seams::new(mesh, &shown, level);
     lights.iter_mut().for_each(|light| seams.lighten(light));
     lights
 }

@@ -119,27 +119,6 @@ pub struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
-    /// side's back is black, as it would be.
-    pub fn drop_dark_backs(&mut self) {
-        let dark = |v: u32| {
-            let v = v as usize;
-            let unlit = self.lit.lights.iter().flat_map(ViewLight::all).all(|h| h[v].max_element() <= 0.0);
-            unlit && self.scene.meshes[self.mesh.meshes[v] as usize].radiance == Rgb::ZERO
-        };
-        // Fronts and backs take turns.
-        let mut kept = Vec::new();
-        for pair in self.mesh.two_sided.chunks_exact(2) {
-            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
-                [_, true] => self.mesh.one_sided.push(pair[0]),
-                [true, false] => self.mesh.one_sided.push(pair[1]),
-                [false, false] => kept.extend_from_slice(pair),
-            }
-        }
-        self.mesh.two_sided = kept;
-        self.drop_unused();
-    }
-
     /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
     /// darken it as far as the next vertex.
     pub fn lighten_hidden(&mut self) {
@@ -147,24 +126,48 @@ impl Picture<'_> {
         let seams = Seams::new(&self.mesh, &lights, self.level);
         self.lit.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| seams.lighten(light));
     }
+}
+
+impl Lit {
+    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
+    /// side's back is black, as it would be. `scene` tells which meshes glow.
+    pub fn drop_dark_backs(&mut self, mesh: &mut ViewMesh, scene: &Scene) {
+        let dark = |v: u32| {
+            let v = v as usize;
+            let unlit = self.lights.iter().flat_map(ViewLight::all).all(|h| h[v].max_element() <= 0.0);
+            unlit && scene.meshes[mesh.meshes[v] as usize].radiance == Rgb::ZERO
+        };
+        // Fronts and backs take turns.
+        let (mut kept, mut alone) = (Vec::new(), Vec::new());
+        for pair in mesh.two_sided.chunks_exact(2) {
+            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
+                [_, true] => alone.push(pair[0]),
+                [true, false] => alone.push(pair[1]),
+                [false, false] => kept.extend_from_slice(pair),
+            }
+        }
+        mesh.two_sided = kept;
+        mesh.one_sided.extend(alone);
+        self.drop_unused(mesh);
+    }
 
     /// Leaves out the vertices that no triangle uses.
-    fn drop_unused(&mut self) {
-        let mut used = vec![false; self.mesh.points.len()];
-        let triangles = || self.mesh.one_sided.iter().chain(&self.mesh.two_sided);
-        triangles().flatten().for_each(|&v| used[v as usize] = true);
+    fn drop_unused(&mut self, mesh: &mut ViewMesh) {
+        let mut used = vec![false; mesh.points.len()];
+        let triangles = mesh.one_sided.iter().chain(&mesh.two_sided);
+        triangles.flatten().for_each(|&v| used[v as usize] = true);
         let mut next = 0;
         let place: Vec<u32> = used.iter().map(|&used| (next, next += u32::from(used)).0).collect();
-        for triangle in self.mesh.one_sided.iter_mut().chain(&mut self.mesh.two_sided) {
+        for triangle in mesh.one_sided.iter_mut().chain(&mut mesh.two_sided) {
             *triangle = triangle.map(|v| place[v as usize]);
         }
-        keep(&mut self.mesh.points, &used);
-        keep(&mut self.mesh.asked, &used);
-        keep(&mut self.mesh.albedo, &used);
-        keep(&mut self.mesh.meshes, &used);
-        keep(&mut self.lit.ambient, &used);
-        keep(&mut self.lit.error, &used);
-        self.lit.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| keep(light, &used));
+        keep(&mut mesh.points, &used);
+        keep(&mut mesh.asked, &used);
+        keep(&mut mesh.albedo, &used);
+        keep(&mut mesh.meshes, &used);
+        keep(&mut self.ambient, &used);
+        keep(&mut self.error, &used);
+        self.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| keep(light, &used));
     }
 }
 

@@ -28,9 +28,9 @@ const BATCH: usize = 1 << 15;
 /// Those of opening the job, of [`viewer::write`], and interruptions.
 pub fn write(job: &Path, output: &Path, console: &Console) -> Result<()> {
     let mut shown = Shown::open(job, viewer::VERTICES, console)?;
+    shown.drop_dark_backs();
     shown.turn_sky(console)?;
     let mut picture = shown.picture(job)?;
-    picture.drop_dark_backs();
     picture.lighten_hidden();
     viewer::write(output, &picture)?;
     shown.relighter.model().bvh.sound()
@@ -78,6 +78,12 @@ impl Shown {
         relighter.relight_with(&baked, &|| console.check())?;
         stage.finish();
         Ok(Self { relighter, mesh, points, apart, lit })
+    }
+
+    /// Leaves out backs that no light reaches: a page that nobody serves is not lit otherwise.
+    pub fn drop_dark_backs(&mut self) {
+        self.lit.drop_dark_backs(&mut self.mesh, self.relighter.scene());
+        self.points = self.relighter.model().set_down(&self.mesh.asked).into_owned();
     }
 
     /// Solves for the sky turned, if it is an image: a page that nobody serves adds these up. Light at a point is a periodic function

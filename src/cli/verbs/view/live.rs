@@ -7,7 +7,7 @@ use serde_json::json;
 use super::desk::{Desk, Order, Outcome};
 use super::edit::Edit;
 use crate::archive::Pause;
-use crate::bake::relight::Alone;
+use crate::bake::relight::{Alone, SkyLight};
 use crate::bake::{Lighting, Relighter};
 use crate::cli::verbs::page::{Shown, answers, irradiance};
 use crate::error::{Error, Result};
@@ -153,6 +153,8 @@ fn is_same(a: &Lighting, b: &Lighting) -> bool {
         | LampKind::Spot { intensity: light, .. }) = kind;
         *light != Rgb::ZERO
     };
-    let [sky, other] = [a, b].map(|light| light.sky.as_ref().filter(|sky| sky.tint != Rgb::ZERO));
-    a.meshes == b.meshes && a.lamps.iter().filter(lit).eq(b.lamps.iter().filter(lit)) && sky == other
+    fn sky(lighting: &Lighting) -> Option<&SkyLight> {
+        lighting.sky.as_ref().filter(|sky| sky.tint != Rgb::ZERO)
+    }
+    a.meshes == b.meshes && a.lamps.iter().filter(lit).eq(b.lamps.iter().filter(lit)) && sky(a) == sky(b)
 }
