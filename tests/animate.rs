@@ -222,3 +222,20 @@ fn a_sequence_that_is_killed_ends_with_the_same_frames() {
         }
     }
 }
+
+#[test]
+fn what_stays_is_not_looked_at_again() {
+    let place = baked();
+    // Both lamps have places that no share of the way between equals but in exact numbers.
+    let keys = "[[key]]\nframe = 0\neye = [0.51, 0.73, 2.37]\n\
+        \n[[key]]\nframe = 11\nset = [\"lamp.scale=2\", \"bulb / 2.scale=0.3\", \"sky.scale=0.5\"]\neye = [0.51, 0.73, 2.37]\n";
+    std::fs::write(place.path("keys.toml"), keys).unwrap();
+    let output = place.run(&["relight", "job", "--animate", "keys.toml", "-o", "f_##.png", "--json"]);
+    let summary = lines(&output).pop().unwrap();
+    assert_eq!((&summary["rays"], &summary["pictures"]), (&0.into(), &3.into()), "{summary}");
+    // A camera on the move takes a picture a frame.
+    std::fs::write(place.path("keys.toml"), keys.replacen("0.51", "0.71", 1)).unwrap();
+    let output = place.run(&["relight", "job", "--animate", "keys.toml", "-o", "g_##.png", "--json"]);
+    let summary = lines(&output).pop().unwrap();
+    assert_eq!((&summary["rays"], &summary["pictures"]), (&0.into(), &12.into()), "{summary}");
+}

@@ -28,6 +28,8 @@ struct Animated {
     frames: u32,
     /// Found from an earlier run.
     kept_frames: u32,
+    /// Shot: one a frame, or one a light where frames are sums of them.
+    pictures: u32,
     /// Products with the operator.
     iterations: usize,
     rays: u64,
@@ -66,6 +68,7 @@ pub fn run(request: &Relight, keys: &Path, console: &Console) -> Result<()> {
         told: report.warnings,
         iterations: report.iterations,
         rays: report.rays,
+        pictures: 0,
         films: None,
     };
     let last = kept.iter().rposition(|kept| !kept);
@@ -77,13 +80,13 @@ pub fn run(request: &Relight, keys: &Path, console: &Console) -> Result<()> {
         }
     }
     stage.finish();
-    let Sequence { mut told, iterations, rays, .. } = sequence;
+    let Sequence { mut told, iterations, rays, pictures, .. } = sequence;
     told.sort_unstable();
     told.dedup();
     told.iter().for_each(|warning| console.warn(warning));
     let kept_frames = kept.iter().filter(|kept| **kept).count() as u32;
     let (output, frames) = (pattern.shown(), keys.frames());
-    let animated = Animated { output, frames, kept_frames, iterations, rays, usage: meter.usage() };
+    let animated = Animated { output, frames, kept_frames, pictures, iterations, rays, usage: meter.usage() };
     let seconds = show_seconds(animated.usage.seconds);
     let kept = if kept_frames > 0 { format!(" ({kept_frames} were there)") } else { String::new() };
     console.result(&format!("{}: {frames} frames{kept}, {seconds}\n", animated.output))?;
@@ -132,6 +135,7 @@ struct Sequence<'a> {
     told: Vec<String>,
     iterations: usize,
     rays: u64,
+    pictures: u32,
     /// What the camera last saw of each light of the scenery.
     films: Option<(Camera, Films)>,
 }
@@ -173,6 +177,7 @@ impl Sequence<'_> {
         let advance = |_| console.check();
         if !self.is_sum(scenery, &camera) {
             let film = films::film(self.relighter.model(), &view, &advance)?;
+            self.pictures += 1;
             return match films::is_png(&path) {
                 true => films::develop(&film, Some(self.shown_at), &path).map(drop),
                 false => layers::write(&path, &film, &[]),
@@ -182,6 +187,7 @@ impl Sequence<'_> {
             let lights = (&scenery.lighting, &scenery.numbers[..]);
             let films = Films::shoot(&mut self.relighter, lights, &view, &advance)?;
             self.films = Some((camera, films));
+            self.pictures += scenery.numbers.len() as u32;
             // As it goes on where the frame was there.
             self.relighter.relight_with(&self.keys.lighting(frame), &|| console.check())?;
         }
