@@ -19,18 +19,22 @@ const SCENE: &str = r#"
 [[mesh]]
 file = "floor.ply"
 albedo = [0.5, 0.47, 0.42]
+sides = 1
 
 [[mesh]]
 file = "walls.ply"
 albedo = [0.7, 0.64, 0.55]
+sides = 1
 
 [[mesh]]
 file = "columns.ply"
 albedo = [0.62, 0.6, 0.56]
+sides = 1
 
 [[mesh]]
 file = "galleries.ply"
 albedo = [0.7, 0.68, 0.64]
+sides = 1
 
 [[mesh]]
 file = "curtains.ply"
@@ -40,6 +44,7 @@ sides = 2
 [[mesh]]
 file = "panel.ply"
 albedo = [0.5, 0.5, 0.5]
+sides = 1
 radiance = [30, 27, 22]
 
 [[lamp]]

@@ -58,6 +58,8 @@ pub fn measure() -> Result<()> {
     judge(&mut relighter);
     solved(&mut relighter)?;
     moved(&mut relighter)?;
+    // The bulb is back where it was.
+    relighter.relight(&relighter.baked().clone())?;
     let watch = Stopwatch::start();
     let report = relighter.prepare()?;
     println!(

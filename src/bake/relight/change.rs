@@ -54,9 +54,10 @@ impl Relighter {
         if !wanted.iter().any(Wanted::is_new) {
             return Ok(());
         }
-        let (sites, samples) = self.settled();
+        self.settled();
+        let Some((sites, samples)) = self.settled.get() else { unreachable!("settled above") };
         let ledger = Ledger::idle(pause);
-        let (rays, linked) = relink(&mut self.model, &wanted, (&sites, &samples), &ledger)?;
+        let (rays, linked) = relink(&mut self.model, &wanted, (sites, samples), &ledger)?;
         (report.rays, self.linked) = (rays, linked);
         self.arriving.forget_lamps();
         Ok(())

@@ -121,6 +121,8 @@ pub struct Relighter {
     mixture: Option<Mixture>,
     links: OnceLock<Links>,
     arriving: Arriving,
+    /// The sites as they are settled, made when first asked for.
+    settled: OnceLock<(Sites, Samples)>,
     transfers: Vec<(Origin, Transfer)>,
     /// First guesses for transfers that new albedos made void.
     stale: Vec<(Origin, Transfer)>,
@@ -180,6 +182,7 @@ impl Relighter {
             mixture: None,
             links: OnceLock::new(),
             arriving: Arriving::default(),
+            settled: OnceLock::new(),
             transfers: Vec::new(),
             stale: Vec::new(),
             synced: true,
@@ -424,10 +427,13 @@ impl Relighter {
         self.stale.retain(|(own, _)| *own != origin);
     }
 
-    fn settled(&self) -> (Sites, Samples) {
-        let model = &self.model;
-        let surface = Surface::new(&model.scene, leaf_order(&model.bvh));
-        Sites::settle(model.sites.to_arrays(), &surface, &model.plots, self.params.seed)
+    /// Sites with the samples that speak for them. Memory: of a bake's, which is kept.
+    fn settled(&self) -> &(Sites, Samples) {
+        let settle = |model: &Model| {
+            let surface = Surface::new(&model.scene, leaf_order(&model.bvh));
+            Sites::settle(model.sites.to_arrays(), &surface, &model.plots, self.params.seed)
+        };
+        self.settled.get_or_init(|| settle(&self.model))
     }
 
     fn mixture(&mut self) -> &Mixture {
@@ -435,7 +441,7 @@ impl Relighter {
             // Of the albedos that were baked.
             let meshes = std::mem::replace(&mut self.model.scene.meshes, self.baked.meshes.clone());
             let (sites, samples) = self.settled();
-            self.mixture = Some(Mixture::new(&self.model.scene, &sites, &samples));
+            self.mixture = Some(Mixture::new(&self.model.scene, sites, samples));
             self.model.scene.meshes = meshes;
         }
         self.mixture.as_ref().expect("made above")

@@ -3,6 +3,7 @@
 pub mod bake;
 pub mod chart;
 pub mod export;
+pub mod films;
 pub mod inspect;
 pub mod packaging;
 pub mod page;
