@@ -10,6 +10,7 @@ pub mod pipeline;
 pub mod relight;
 pub mod report;
 pub mod store;
+pub mod transfer;
 pub mod validate;
 pub mod verify;
 pub mod vertices;

@@ -124,6 +124,6 @@ impl Model {
         let smooth = self.basis().is_global().then(|| {
             self.smooth.get_or_init(|| field::smooth(self.basis(), &self.receivers, &self.solution)).as_ref()
         });
-        Field { problem: self.problem(), solution: &self.solution, params: self.field, smooth }
+        Field { problem: self.problem(), solution: &self.solution, params: self.field, smooth, judge: None }
     }
 }

@@ -208,6 +208,9 @@ pub struct Export {
     /// File to write: .ply with all that the mesh's file holds, .glb for viewers, or .html that shows and relights it
     #[arg(short, long, value_name = "FILE", value_parser = values::file_ending(&["ply", "glb", "html"]))]
     pub output: PathBuf,
+    /// Add to each vertex what skies of N bands of spherical harmonics do there, N² vectors: precomputed radiance transfer
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=4))]
+    pub transfer: Option<u8>,
 }
 
 /// `render JOB`

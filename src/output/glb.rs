@@ -10,6 +10,7 @@ use glam::{DQuat, DVec3, Vec3};
 use serde_json::{Value, json};
 
 use super::file::{Sink, write_whole};
+use super::transfers::VertexTransfers;
 use super::vertices::{VertexField, VertexLight};
 use super::{Advance, Evaluate};
 use crate::error::{Error, Result};
@@ -78,13 +79,27 @@ fn put_colour(vertex: &Vertex<'_>, out: &mut Vec<u8>) {
 /// # Errors
 /// [`Error::Usage`] for more than the 4 GiB that the format holds, input/output errors, and what `advance` says.
 pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Advance<'_>) -> Result<()> {
+    export_with((path, scene), evaluate, advance, &VertexTransfers::default())
+}
+
+/// As [`export`], with attributes `_TRANSFER_0` and on: what skies of harmonics do at each vertex.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_with(
+    (path, scene): (&Path, &Scene),
+    evaluate: &Evaluate<'_>,
+    advance: &Advance<'_>,
+    transfers: &VertexTransfers,
+) -> Result<()> {
     let field = VertexField::new(scene, evaluate, advance)?;
     let (exposure, count) = (field.exposure(), scene.vertices.len());
     let lights = field.light(0..count);
-    let mut text = document(scene, exposure).to_string();
+    let mut text = document(scene, exposure, transfers.columns.len()).to_string();
     // Chunks are whole words; text is filled up with spaces.
     text.extend(std::iter::repeat_n(' ', text.len().next_multiple_of(4) - text.len()));
-    let body = count * ATTRIBUTES.iter().map(|a| a.bytes).sum::<usize>() + 12 * scene.triangles.len();
+    let bytes_each = ATTRIBUTES.iter().map(|a| a.bytes).sum::<usize>() + transfers.bytes() as usize;
+    let body = count * bytes_each + 12 * scene.triangles.len();
     let whole = 12 + 8 + text.len() + 8 + body;
     let [Ok(words), Ok(text_words), Ok(body_words)] = [whole, text.len(), body].map(u32::try_from) else {
         let problem = format!("{}: {whole} bytes are more than a .glb holds", path.display());
@@ -113,6 +128,11 @@ pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Adv
             }
         }
         put(sink, &bytes)?;
+        for column in &transfers.columns {
+            for values in column.chunks(1 << 12) {
+                put(sink, bytemuck::cast_slice(values))?;
+            }
+        }
         for mesh in &scene.meshes {
             for triangle in &scene.triangles[mesh.triangles.start as usize..mesh.triangles.end as usize] {
                 let own = triangle.map(|corner| (corner - mesh.vertices.start).to_le_bytes());
@@ -123,17 +143,37 @@ pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Adv
     })
 }
 
+/// An array of vertices in the file.
+struct Array {
+    name: String,
+    kind: &'static str,
+    component: u32,
+    bytes: usize,
+}
+
+/// All arrays, in the order of the file.
+fn arrays(transfers: usize) -> Vec<Array> {
+    let own = ATTRIBUTES.iter().map(|a| Array {
+        name: a.name.to_owned(),
+        kind: a.kind,
+        component: a.component,
+        bytes: a.bytes,
+    });
+    let transfer = |k| Array { name: format!("_TRANSFER_{k}"), kind: "VEC3", component: FLOAT, bytes: 12 };
+    own.chain((0..transfers).map(transfer)).collect()
+}
+
 /// The JSON of the file.
-fn document(scene: &Scene, exposure: f32) -> Value {
+fn document(scene: &Scene, exposure: f32, transfers: usize) -> Value {
     let count = scene.vertices.len();
     let mut views = Vec::new();
     let mut offset = 0;
-    for attribute in &ATTRIBUTES {
-        let bytes = attribute.bytes * count;
-        views.push(
-            json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": attribute.bytes,
-            "target": ARRAY_BUFFER }),
-        );
+    let arrays = arrays(transfers);
+    for array in &arrays {
+        let bytes = array.bytes * count;
+        views
+            .push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": bytes, "byteStride": array.bytes,
+            "target": ARRAY_BUFFER }));
         offset += bytes;
     }
     let bytes = 12 * scene.triangles.len();
@@ -144,12 +184,12 @@ fn document(scene: &Scene, exposure: f32) -> Value {
     let mut meshes = Vec::new();
     for mesh in &drawn {
         let first = accessors.len();
-        accessors.extend(accessors_of(scene, mesh));
+        accessors.extend(accessors_of(scene, mesh, &arrays));
         let attributes: serde_json::Map<String, Value> =
-            ATTRIBUTES.iter().enumerate().map(|(k, a)| (a.name.to_owned(), json!(first + k))).collect();
+            arrays.iter().enumerate().map(|(k, a)| (a.name.clone(), json!(first + k))).collect();
         let material = usize::from(mesh.two_sided);
         let primitive =
-            json!({ "attributes": attributes, "indices": first + ATTRIBUTES.len(), "material": material });
+            json!({ "attributes": attributes, "indices": first + arrays.len(), "material": material });
         meshes.push(json!({ "name": mesh.name, "primitives": [primitive] }));
     }
     let children: Vec<usize> = (1..=drawn.len()).collect();
@@ -159,8 +199,14 @@ fn document(scene: &Scene, exposure: f32) -> Value {
         json!({ "doubleSided": both, "extensions": { "KHR_materials_unlit": {} },
             "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 1.0 } })
     });
-    let extras =
+    let mut extras =
         json!({ "exposure": exposure, "units": "radiosity and irradiance in W/m^2, linear Rec.709" });
+    if transfers > 0 {
+        extras["transfer"] = json!(
+            "_TRANSFER_i: radiosity in W/m^2 under a sky of radiance Y_i, all bounces, i = l(l+1)+m; real, orthonormal, signs of \
+             Sloan 2008, third axis the scene's up: docs/transfer.md"
+        );
+    }
     json!({
         "asset": { "version": "2.0", "generator": concat!("glowtree ", env!("CARGO_PKG_VERSION")) },
         "extensionsUsed": ["KHR_materials_unlit"],
@@ -176,7 +222,7 @@ fn document(scene: &Scene, exposure: f32) -> Value {
 }
 
 /// The arrays of one mesh: its vertices' attributes, then its corners.
-fn accessors_of(scene: &Scene, mesh: &Mesh) -> Vec<Value> {
+fn accessors_of(scene: &Scene, mesh: &Mesh, arrays: &[Array]) -> Vec<Value> {
     let vertices = mesh.vertices.start as usize..mesh.vertices.end as usize;
     let triangles = mesh.triangles.start as usize..mesh.triangles.end as usize;
     let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -190,7 +236,7 @@ fn accessors_of(scene: &Scene, mesh: &Mesh) -> Vec<Value> {
         // The others are written at the origin.
         (low, high) = (low.min(Vec3::ZERO), high.max(Vec3::ZERO));
     }
-    let mut accessors: Vec<Value> = ATTRIBUTES
+    let mut accessors: Vec<Value> = arrays
         .iter()
         .enumerate()
         .map(|(view, attribute)| {
@@ -201,7 +247,7 @@ fn accessors_of(scene: &Scene, mesh: &Mesh) -> Vec<Value> {
     accessors[0]["min"] = json!(low.to_array());
     accessors[0]["max"] = json!(high.to_array());
     accessors[2]["normalized"] = json!(true);
-    accessors.push(json!({ "bufferView": ATTRIBUTES.len(), "byteOffset": 12 * triangles.start,
+    accessors.push(json!({ "bufferView": arrays.len(), "byteOffset": 12 * triangles.start,
         "count": 3 * triangles.len(), "componentType": UNSIGNED_INT, "type": "SCALAR" }));
     accessors
 }

@@ -13,6 +13,7 @@ pub mod ply;
 pub mod points;
 #[cfg(test)]
 pub(crate) mod synthetic;
+pub mod transfers;
 pub mod vertices;
 pub mod viewer;
 

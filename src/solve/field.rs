@@ -100,6 +100,9 @@ pub struct Field<'a> {
     pub params: FieldParams,
     /// The light as one function over all receivers, if the basis is global.
     pub smooth: Option<&'a dyn Reconstruction<4>>,
+    /// The light that tells in place of the solution where points gather for themselves, and with how many rays: answers are then
+    /// linear in the solution and the sky, negative light included.
+    pub judge: Option<&'a Solution>,
 }
 
 impl Field<'_> {
@@ -108,6 +111,11 @@ impl Field<'_> {
     /// Cost: one short ray and one fit of at most [`mls::MOST`] receivers a point, shadow rays in penumbrae.
     pub fn evaluate(&self, points: &[SurfacePoint]) -> Vec<Irradiance> {
         points.par_iter().with_min_len(64).map(|p| self.at(p)).collect()
+    }
+
+    /// The light that decides how points are answered.
+    pub(super) fn judge(&self) -> &Solution {
+        self.judge.unwrap_or(self.solution)
     }
 
     fn at(&self, point: &SurfacePoint) -> Irradiance {
@@ -142,13 +150,20 @@ impl Field<'_> {
         let listed = home.map_or(&[][..], |s| problem.spread.receivers_of(s.index()));
         let listed = if listed.len() < FEWEST { &[][..] } else { listed };
         let near = nearest(problem.receivers, point, listed);
-        let blended = match fit(problem, point, &near) {
-            Some(fit) => self.blend(point, &near, &fit, direct),
+        let fit = fit(problem, point, &near);
+        let blend = |field: &Self| match &fit {
+            Some(fit) => field.blend(point, &near, fit, direct),
             None => Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: f32::INFINITY },
         };
+        let blended = blend(self);
+        // A judge's light is one function over all receivers to nobody here: its fits speak for it.
+        let judged = self
+            .judge
+            .map_or(blended, |judge| blend(&Self { solution: judge, judge: None, smooth: None, ..*self }));
         // Darkness may be a hidden side's, reached through a wall: it is looked into.
-        let dark = mean_channel(blended.indirect) < DARK * self.solution.level;
-        let trusted = !dark && blended.error <= self.params.doubt * self.solution.level;
+        let level = self.judge().level;
+        let dark = mean_channel(judged.indirect) < DARK * level;
+        let trusted = !dark && judged.error <= self.params.doubt * level;
         First { set, site, near, blended, trusted }
     }
 
@@ -159,7 +174,8 @@ impl Field<'_> {
         // Negative light tells that the fit extrapolates from others' shade: nobody speaks for this point.
         let negative = indirect.min_element() < 0.0;
         let error = if negative { f32::INFINITY } else { claim(self.solution, near, fit) };
-        let local = Irradiance { direct, indirect: indirect.max(Rgb::ZERO), sky_visibility, error };
+        let indirect = if self.judge.is_some() { indirect } else { indirect.max(Rgb::ZERO) };
+        let local = Irradiance { direct, indirect, sky_visibility, error };
         self.smooth.map_or(local, |smooth| self.smoothed(point, smooth, local))
     }
 
@@ -181,7 +197,8 @@ impl Field<'_> {
         let error =
             if doubtful { f32::INFINITY } else { local.error.hypot(mean_channel(indirect - local.indirect)) };
         let sky_visibility = sky.clamp(0.0, 1.0);
-        Irradiance { indirect: indirect.max(Rgb::ZERO), sky_visibility, error, ..local }
+        let indirect = if self.judge.is_some() { indirect } else { indirect.max(Rgb::ZERO) };
+        Irradiance { indirect, sky_visibility, error, ..local }
     }
 
     /// The point's own row, against the solved radiosities.
@@ -196,14 +213,15 @@ impl Field<'_> {
         if near.len() < FEWEST {
             return rays;
         }
+        let judge = self.judge();
         // Where it is dark noise shows more than its share of the mean tells.
-        let level = self.solution.level;
-        let light = |&r: &u32| mean_channel(self.solution.irradiance[r as usize]);
+        let level = judge.level;
+        let light = |&r: &u32| mean_channel(judge.irradiance[r as usize]);
         let here = (near.iter().map(light).sum::<f32>() / near.len() as f32).clamp(DARKEST * level, level);
         let allowed = (noise * (level * here).sqrt()).max(f32::MIN_POSITIVE);
         let by = |&r: &u32| {
             let (rows, _) = self.problem.receivers.row(r as usize);
-            rows.rays as f32 * (self.solution.noise[r as usize] / allowed).powf(1.0 / LATTICE_ORDER)
+            rows.rays as f32 * (judge.noise[r as usize] / allowed).powf(1.0 / LATTICE_ORDER)
         };
         let wanted = near.iter().map(by).sum::<f32>() / near.len() as f32;
         (wanted as u32).clamp(FEWEST_RAYS, most_rays.max(FEWEST_RAYS))

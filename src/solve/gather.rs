@@ -82,7 +82,8 @@ impl Field<'_> {
             reflected += self.problem.albedo[site];
             sum += self.problem.exitance[site] - seen[k as usize];
         }
-        let light = sum.max(Rgb::ZERO) / (Rgb::splat(row.rays as f32) - reflected).max(Rgb::splat(1.0e-3));
+        let sum = if self.judge.is_some() { sum } else { sum.max(Rgb::ZERO) };
+        let light = sum / (Rgb::splat(row.rays as f32) - reflected).max(Rgb::splat(1.0e-3));
         for &k in slit {
             let site = row.met[k as usize] as usize;
             seen[k as usize] = self.problem.exitance[site] + self.problem.albedo[site] * light;
@@ -122,8 +123,8 @@ impl Field<'_> {
 
     /// Whether a site's radiosity differs from a neighbour's by more than is doubted.
     fn contrasts(&self, site: usize) -> bool {
-        let radiosity = &self.solution.radiosity;
-        let least = self.params.doubt * self.solution.level;
+        let radiosity = &self.judge().radiosity;
+        let least = self.params.doubt * self.judge().level;
         let differs = |&o: &u32| mean_channel(radiosity[o as usize] - radiosity[site]).abs() > least;
         self.problem.around.graph.of(SiteId(site as u32)).iter().any(differs)
     }

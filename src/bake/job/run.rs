@@ -18,6 +18,7 @@ use crate::bake::report::progress::{Monitor, Stage};
 use crate::bake::report::summary::{SUMMARY_FILE, StageTime, Summary};
 use crate::bake::report::usage::Meter;
 use crate::bake::store::{self, Shelf};
+use crate::bake::transfer;
 use crate::error::{Error, Result};
 use crate::output::file::TEMPORARY;
 use crate::scene::{self, Scene};
@@ -182,7 +183,7 @@ impl Bake<'_> {
                 ));
                 self.replace(job, &mut lock, subject, Some(job))
             }
-            Change::Nothing if finished => self.again(job),
+            Change::Nothing if finished => self.again(job, self.options.is_relightable(&subject.scene)),
             change => {
                 if let Change::Light(what) = change {
                     self.monitor.note(&format!("{what}: lights or albedos; the unfinished bake begins anew"));
@@ -239,8 +240,17 @@ impl Bake<'_> {
         Ok(Subject { scene, details, inputs, stages })
     }
 
-    /// A job that is finished and was asked the same: at most its pictures are missing.
-    fn again(&self, job: &Path) -> Result<Summary> {
+    /// Transfers of a job's lights, made of its archives.
+    fn transfers(&self, job: &Path) -> Result<StageTime> {
+        let pause = || {
+            self.monitor.check()?;
+            self.budget.check(self.meter)
+        };
+        transfer::store_in((self.storage, job), self.monitor, &pause)
+    }
+
+    /// A job that is finished and was asked the same: at most its pictures and transfers are missing.
+    fn again(&self, job: &Path, relightable: bool) -> Result<Summary> {
         let mut summary = Summary::read(job)?;
         (summary.resumed_blocks, summary.computed_blocks) =
             (summary.computed_blocks + summary.resumed_blocks, 0);
@@ -252,6 +262,10 @@ impl Bake<'_> {
                 &model,
                 (self.monitor, &Ledger::idle(&pause)),
             )?);
+            summary.usage = self.meter.usage();
+        }
+        if relightable && !job.join(transfer::FILE).is_file() {
+            summary.stages.push(self.transfers(job)?);
             summary.usage = self.meter.usage();
         }
         journal::clear(self.storage, job)?;
@@ -337,12 +351,19 @@ impl Bake<'_> {
             )?);
         }
         pause()?;
+        let told = figures(&model, counts, &report, &stored);
+        let relightable = self.options.is_relightable(&model.scene);
+        // Transfers are made of what was written, so that they are the same after any interruption.
+        drop(model);
+        if relightable {
+            stages.push(self.transfers(job)?);
+        }
         let summary = Summary {
             usage: self.meter.usage(),
             stages,
             resumed_blocks: work.counts().resumed(),
             computed_blocks: work.counts().computed() + stored.blocks,
-            ..figures(&model, counts, &report, &stored)
+            ..told
         };
         side::write(self.storage, &job.join(SUMMARY_FILE), &summary)?;
         drop(ledger);

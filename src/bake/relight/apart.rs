@@ -37,8 +37,7 @@ impl Lighting {
         let (meshes, others) = tints.split_at(self.meshes.len());
         lighting.meshes.iter_mut().zip(meshes).for_each(|(mesh, tint)| mesh.radiance = *tint);
         lighting.lamps.iter_mut().zip(others).for_each(|(lamp, tint)| *lamp = with_strength(lamp, *tint));
-        let none = SkyLight { constant: Some(Rgb::ONE), tint: Rgb::ONE, rotate_degrees: 0.0 };
-        let sky = lighting.sky.get_or_insert(none);
+        let sky = lighting.sky.get_or_insert(SkyLight::DARK);
         sky.constant = sky.constant.map(|_| Rgb::ONE);
         sky.tint = others.last().copied().unwrap_or_default();
         lighting

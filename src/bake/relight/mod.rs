@@ -1,5 +1,6 @@
 //! Other lights and other albedos for a finished job, without new rows.
 
+mod answers;
 mod apart;
 mod arriving;
 mod change;
@@ -19,6 +20,7 @@ use super::model::Model;
 use super::options::Options;
 use super::pipeline::leaf_order;
 use super::store::{self, Purpose};
+use super::transfer::Stored;
 use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
@@ -32,14 +34,16 @@ use crate::solve::relight::{Links, Source, TogetherParams, Transfer, solve_toget
 use crate::solve::transport::Transport;
 use crate::solve::{Irradiance, Problem};
 
+pub use answers::EachSky;
 pub use apart::Alone;
 use arriving::Arriving;
 pub use keys::Keys;
 pub(super) use lighting::with_strength;
 pub use lighting::{Lighting, MeshLight, Paint, SkyImage, SkyLight};
 use mixture::Mixture;
+pub(super) use origins::Origin;
 pub(super) use origins::switches;
-use origins::{Origin, glow, is_lit, lamp_strength, origin_of, tint, tinted};
+use origins::{glow, is_lit, lamp_strength, origin_of, tint, tinted};
 
 /// Transfers err by this much of themselves at most, so that sums of them are exact to 1e-5.
 const TRANSFER_ERROR: f64 = 1.0e-6;
@@ -124,6 +128,8 @@ pub struct Relighter {
     /// The sites as they are settled, made when first asked for.
     settled: OnceLock<(Sites, Samples)>,
     transfers: Vec<(Origin, Transfer)>,
+    /// Those that the job holds, of the albedos that were baked.
+    stored: Option<Stored>,
     /// First guesses for transfers that new albedos made void.
     stale: Vec<(Origin, Transfer)>,
     /// Whether scene, lamps and glow of the model are those of `now`.
@@ -135,14 +141,22 @@ pub struct Relighter {
 }
 
 impl Relighter {
-    /// Opens a finished job. It is read whole, and not changed.
+    /// Opens a finished job. It is read whole, and not changed. Transfers that it holds ([`super::transfer`]) are read when they
+    /// are first asked for.
     ///
     /// # Errors
     /// Those of [`super::open`].
     pub fn open(job: &Path) -> Result<Self> {
+        super::report::summary::Summary::read(job)?;
+        let mut relighter = Self::read(job)?;
+        relighter.stored = Stored::open(job)?;
+        Ok(relighter)
+    }
+
+    /// Reads a job whose archives are there, finished or not; transfers that it holds are left aside.
+    pub(super) fn read(job: &Path) -> Result<Self> {
         let options = read_side::<Options>(&job.join(OPTIONS_FILE))?;
         let options = options.ok_or_else(|| Error::NoJob { job: job.to_path_buf() })?;
-        super::report::summary::Summary::read(job)?;
         let plan = Plan::new(options.error, options.seed);
         let bounces = options.max_bounces.map(|n| n as usize);
         let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
@@ -184,6 +198,7 @@ impl Relighter {
             arriving: Arriving::default(),
             settled: OnceLock::new(),
             transfers: Vec::new(),
+            stored: None,
             stale: Vec::new(),
             synced: true,
             switched: false,
@@ -272,6 +287,7 @@ impl Relighter {
 
     /// Solves for units of lights that are not known yet.
     fn prepare_each(&mut self, mut wanted: Vec<Origin>, pause: Pause<'_>) -> Result<RelightReport> {
+        self.recall(&wanted)?;
         wanted.retain(|o| self.transfers.iter().all(|(own, _)| own != o));
         let mut report = RelightReport { converged: true, ..RelightReport::default() };
         for some in wanted.chunks(TOGETHER) {
@@ -319,6 +335,7 @@ impl Relighter {
         }
         self.link(&before, &mut report, pause)?;
         let coefficients = self.sky_coefficients();
+        self.recall_all(coefficients.as_deref())?;
         let transfer = |&(origin, light): &(Origin, Rgb)| {
             self.transfers.iter().find(|(own, _)| *own == origin).map(|(_, c)| (c, light))
         };
@@ -384,6 +401,7 @@ impl Relighter {
         match origin {
             Origin::Mesh(mesh) if self.glowing[mesh] => true,
             Origin::Sky if self.sky.1.is_none() => true,
+            Origin::Harmonic(_) => true,
             _ => lamp.is_some_and(|k| self.linked[k]),
         }
     }
@@ -423,6 +441,9 @@ impl Relighter {
     }
 
     fn forget(&mut self, origin: Origin) {
+        if let Some(stored) = &mut self.stored {
+            stored.forget(origin);
+        }
         self.transfers.retain(|(own, _)| *own != origin);
         self.stale.retain(|(own, _)| *own != origin);
     }

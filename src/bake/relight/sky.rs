@@ -11,13 +11,13 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::origins::{Origin, is_lit, tint};
-use super::{Lighting, RelightReport, Relighter};
+use super::origins::{Origin, is_lit, switches, tint};
+use super::{Lighting, Paint, RelightReport, Relighter, TOGETHER};
 use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::light::Rgb;
-use crate::light::harmonics::{Harmonics, MOST_ORDER};
-use crate::scene::{Sky, sky};
+use crate::light::harmonics::{Harmonics, MOST, MOST_ORDER};
+use crate::scene::{Scene, Sky, sky};
 use crate::solve::relight::{Source, Transfer};
 
 /// Rows of the image that rays of points look at: bilinear look-ups then err by 10⁻⁴ of the third wave around.
@@ -25,6 +25,12 @@ const ROWS: u32 = 256;
 
 /// Values added up by one task.
 const RUN: usize = 1 << 14;
+
+/// The lights that a job for relighting keeps transfers of, as far as links to them are known.
+fn kept_lights(scene: &Scene) -> Vec<Origin> {
+    let functions = if scene.sky.is_some() { MOST } else { 0 };
+    switches(scene).into_iter().chain((0..functions).map(Origin::Harmonic)).collect()
+}
 
 impl Relighter {
     /// Solves for skies that are one of the spherical harmonics each, of `order` bands (1 to 4): order² of them. From then on
@@ -76,6 +82,51 @@ impl Relighter {
         let order = self.now.sky.as_ref()?.harmonics?;
         let lighting = self.now.clone();
         self.sky_harmonics(&lighting, order).map(|own| own.coefficients)
+    }
+
+    /// Takes transfers of these lights from the job, as far as it holds them and albedos are those that were baked.
+    pub(super) fn recall(&mut self, wanted: &[Origin]) -> Result<()> {
+        if self.now.meshes.iter().any(|mesh| mesh.paint != Paint::Baked) {
+            return Ok(());
+        }
+        let Some(stored) = &self.stored else { return Ok(()) };
+        for &origin in wanted {
+            if self.transfers.iter().all(|(own, _)| *own != origin)
+                && let Some(transfer) = stored.transfer(origin)?
+            {
+                self.transfers.push((origin, transfer));
+            }
+        }
+        Ok(())
+    }
+
+    /// Takes the transfers of what shines now from the job, if that and what is known already makes a sum.
+    pub(super) fn recall_all(&mut self, coefficients: Option<&[Rgb]>) -> Result<()> {
+        let shining: Vec<Origin> = self.shining(coefficients).iter().map(|(origin, _)| *origin).collect();
+        let known = |origin: &Origin| self.transfers.iter().any(|(own, _)| own == origin);
+        let held = |origin: &Origin| self.stored.as_ref().is_some_and(|stored| stored.holds(*origin));
+        if shining.iter().all(|origin| known(origin) || held(origin)) {
+            self.recall(&shining)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Solves for the lights that a job for relighting keeps, a few at a time, and hands each over: those that links are known of,
+    /// and the harmonics of the sky, if there is one.
+    pub(in crate::bake) fn each_transfer(
+        &mut self,
+        pause: Pause<'_>,
+        each: &mut dyn FnMut(Origin, &Transfer) -> Result<()>,
+    ) -> Result<()> {
+        let all = kept_lights(&self.baked).into_iter().filter(|origin| self.is_linked(*origin));
+        for some in all.collect::<Vec<_>>().chunks(TOGETHER) {
+            self.prepare_each(some.to_vec(), pause)?;
+            for (origin, transfer) in std::mem::take(&mut self.transfers) {
+                each(origin, &transfer)?;
+            }
+        }
+        Ok(())
     }
 
     /// The lights that are lit and how bright they are, the sky by its harmonics where it is seen by them.

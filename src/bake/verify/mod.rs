@@ -12,6 +12,7 @@ mod rows;
 mod scene;
 mod sides;
 mod sites;
+mod transfer;
 
 use std::ops::Range;
 use std::path::Path;
@@ -19,7 +20,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::report::progress::{Monitor, Stage};
-use super::{pictures, report::summary::SUMMARY_FILE};
+use super::{pictures, report::summary::SUMMARY_FILE, store};
 use crate::archive::partial_path;
 use crate::error::{Error, Result};
 pub use repair::{Repaired, repair};
@@ -142,10 +143,20 @@ pub fn verify(job: &Path, monitor: &dyn Monitor) -> Result<Report> {
         Some(scene) => scene::counts(job, scene, &mut report)?,
         None => None,
     };
+    let sizes = (sites.as_ref().and_then(|s| s.count), links.as_ref().and_then(|l| l.receivers));
+    transfer::check(job, is_relightable(job, &sides), sizes, &mut report, monitor)?;
     sides.agree(counts.unzip(), sites.as_ref(), links.as_ref(), &mut report);
     stage.finish();
     note_absent(job, &mut report);
     Ok(report)
+}
+
+/// Whether the job is to hold transfers, as far as its options and its scene can tell.
+fn is_relightable(job: &Path, sides: &Sides) -> bool {
+    let Some(options) = &sides.options else { return false };
+    options
+        .relightable
+        .unwrap_or_else(|| store::read_scene(job).is_ok_and(|(scene, _)| options.is_relightable(&scene)))
 }
 
 /// Whether a bake came to its end here: the summary is the last file that it writes.

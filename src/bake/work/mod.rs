@@ -185,7 +185,7 @@ impl Work<'_> {
     /// The solution, ready to answer. `smooth` is that of now.
     pub fn field<'a>(&'a self, plan: &Plan, smooth: &'a Option<Smooth>) -> Field<'a> {
         let smooth = smooth.as_ref().map(AsRef::as_ref);
-        Field { problem: self.problem(), solution: &self.solution, params: plan.field(), smooth }
+        Field { problem: self.problem(), solution: &self.solution, params: plan.field(), smooth, judge: None }
     }
 
     /// The largest albedo channel of any site.

@@ -3,14 +3,16 @@
 use std::path::Path;
 
 use crate::bake::model::Model;
-use crate::bake::{self, Meter, Monitor as _, Stage};
+use crate::bake::{self, Meter, Monitor as _, Relighter, Stage};
 use crate::cli::arguments::Export;
 use crate::cli::console::Console;
 use crate::cli::values::{show_bytes, show_count};
 use crate::cli::verbs::{Written, page};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::output::file::check_folder;
+use crate::output::transfers::VertexTransfers;
+use crate::output::vertices::VertexField;
 use crate::output::{glb, ply};
 
 /// Writes the light of the job per vertex.
@@ -20,6 +22,10 @@ use crate::output::{glb, ply};
 pub fn run(request: &Export, console: &Console) -> Result<()> {
     let meter = Meter::start();
     check_folder(&request.output)?;
+    if let Some(order) = request.transfer {
+        write_transfers((&request.job, usize::from(order)), &request.output, console)?;
+        return report(&request.output, &meter, console);
+    }
     if has_ending(&request.output, "html") {
         page::write(&request.job, &request.output, console)?;
         return report(&request.output, &meter, console);
@@ -58,6 +64,37 @@ pub fn write((job, model): (&Path, &Model), output: &Path, console: &Console) ->
         ply::export(output, scene, &evaluate, &advance)?;
     }
     stage.finish();
+    model.bvh.sound()
+}
+
+/// Writes the light of a job per vertex, and what skies of harmonics do there.
+fn write_transfers((job, order): (&Path, usize), output: &Path, console: &Console) -> Result<()> {
+    let mut relighter = Relighter::open(job)?;
+    let streamed = !relighter.model().details.is_empty();
+    if has_ending(output, "html") || (streamed && !has_ending(output, "glb")) {
+        let what = if streamed { "of a streamed mesh's proxy" } else { "at vertices" };
+        return Err(Error::Usage(format!("--transfer: transfers {what} go into a .ply or .glb")));
+    }
+    let functions = order * order;
+    let total = (functions * relighter.model().scene.vertices.len()) as u64;
+    let stage = Stage::start(console, "transfer", "vertices", Some(total));
+    let mut transfers = VertexTransfers::default();
+    relighter.each_sky(order, &|| console.check(), &mut |_, model, evaluate| {
+        let field = VertexField::new(&model.scene, &evaluate, &|vertices| stage.advance(vertices))?;
+        let lights = field.light(0..model.scene.vertices.len());
+        transfers.columns.push(lights.into_iter().map(|light| light.radiosity).collect());
+        Ok(())
+    })?;
+    stage.finish();
+    let model = relighter.model();
+    let evaluate = |points: &[SurfacePoint]| model.field().evaluate_crowd(&model.set_down(points));
+    let advance = |_| console.check();
+    if has_ending(output, "glb") {
+        note_proxies(model, console);
+        glb::export_with((output, &model.scene), &evaluate, &advance, &transfers)?;
+    } else {
+        ply::export_with((output, &model.scene), &evaluate, &advance, &transfers)?;
+    }
     model.bvh.sound()
 }
 

@@ -25,14 +25,15 @@ pub fn write(path: &Path, scene: &Scene, normals: &[Vec3], work: &Work<'_>) -> R
     let head = format!(
         "ply\nformat binary_little_endian 1.0\n{}element vertex {}\n\
          property {coordinate} x\nproperty {coordinate} y\nproperty {coordinate} z\n\
-         property float nx\nproperty float ny\nproperty float nz\n{}\
+         property float nx\nproperty float ny\nproperty float nz\n{}{}\
          element face {}\nproperty list uchar uint vertex_indices\nend_header\n",
         work.comments(),
         scene.vertices.len(),
         plan.appended_lines(),
+        work.transfers.lines(),
         scene.triangles.len(),
     );
-    let vertex_bytes = 3 * scalar.size() as u64 + 12 + 35;
+    let vertex_bytes = 3 * scalar.size() as u64 + 12 + 35 + work.transfers.bytes();
     let bytes = vertex_bytes * scene.vertices.len() as u64 + 13 * scene.triangles.len() as u64;
     write_whole(path, bytes + head.len() as u64, |sink| {
         put(path, sink, head.as_bytes())?;
@@ -45,6 +46,7 @@ pub fn write(path: &Path, scene: &Scene, normals: &[Vec3], work: &Work<'_>) -> R
                 row.extend(value.to_le_bytes());
             }
             plan.apply(&mut row, &[], &values(light, work.exposure));
+            work.transfers.put(vertex, &mut row);
             put(path, sink, &row)
         })?;
         scene.triangles.iter().try_for_each(|triangle| {

@@ -11,6 +11,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::output::file::Sink;
+use crate::output::transfers::VertexTransfers;
 use crate::output::vertices::{VertexField, VertexLight};
 use crate::output::{Advance, Evaluate};
 use crate::scene::Scene;
@@ -28,12 +29,25 @@ const BATCH: usize = 1 << 12;
 /// [`Error::Usage`] when `path` is the input itself, [`Error::Input`] when the input changed since it was read,
 /// input/output errors, and what `advance` says.
 pub fn export(path: &Path, scene: &Scene, evaluate: &Evaluate<'_>, advance: &Advance<'_>) -> Result<()> {
+    export_with((path, scene), evaluate, advance, &VertexTransfers::default())
+}
+
+/// As [`export`], with what skies of harmonics do at each vertex.
+///
+/// # Errors
+/// As [`export`]; [`Error::Usage`] when the input has such columns already.
+pub fn export_with(
+    (path, scene): (&Path, &Scene),
+    evaluate: &Evaluate<'_>,
+    advance: &Advance<'_>,
+    transfers: &VertexTransfers,
+) -> Result<()> {
     if scene.meshes.iter().any(|mesh| is_same(&mesh.file, path)) {
         return Err(Error::Usage(format!("{}: would overwrite the scene's own mesh", path.display())));
     }
     let field = VertexField::new(scene, evaluate, advance)?;
     let counted = |_| advance(0);
-    let work = Work { exposure: field.exposure(), lights: &field, advance: &counted };
+    let work = Work { exposure: field.exposure(), lights: &field, advance: &counted, transfers };
     match &scene.meshes[..] {
         [mesh] if mesh.file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) => {
             rewrite::write(path, &mesh.file, &work)
@@ -55,7 +69,7 @@ pub fn rewrite(
     if is_same(path, source) {
         return Err(Error::Usage(format!("{}: would overwrite the scene's own mesh", path.display())));
     }
-    rewrite::write(path, source, &Work { lights, exposure, advance })
+    rewrite::write(path, source, &Work { lights, exposure, advance, transfers: &VertexTransfers::default() })
 }
 
 /// The light of a file's vertices.
@@ -90,6 +104,7 @@ struct Work<'a> {
     lights: &'a dyn Lights,
     exposure: f32,
     advance: &'a Advance<'a>,
+    transfers: &'a VertexTransfers,
 }
 
 impl Work<'_> {
@@ -111,8 +126,9 @@ impl Work<'_> {
             "comment glowtree: radiosity and irradiance are linear Rec.709 in W/m^2\n\
              comment glowtree: red green blue are sRGB of exposure * radiosity, exposure {}\n\
              comment glowtree: ambient_occlusion is the cosine-weighted share of the sky that the vertex sees\n\
-             comment glowtree: error is the estimated standard error of mean-channel irradiance in W/m^2\n",
-            self.exposure
+             comment glowtree: error is the estimated standard error of mean-channel irradiance in W/m^2\n{}",
+            self.exposure,
+            self.transfers.comments()
         )
     }
 }

@@ -28,6 +28,11 @@ pub fn write(path: &Path, source: &Path, work: &Work<'_>) -> Result<()> {
         let problem = format!("expected {count} vertices, as when it was baked");
         return Err(Error::input(source, "element vertex", problem, "bake the changed file again"));
     };
+    let own = |name: &str| vertex.properties.iter().any(|property| property.name == name);
+    if !work.transfers.columns.is_empty() && own("transfer_0_r") {
+        let problem = format!("{}: has transfers already: bake the mesh without them", source.display());
+        return Err(Error::Usage(problem));
+    }
     let plan = Plan::of(vertex);
     let remarks = remarks(&mut file, &header).map_err(failed)?;
     file.seek(SeekFrom::Start(header.body_offset)).map_err(failed)?;
@@ -37,7 +42,7 @@ pub fn write(path: &Path, source: &Path, work: &Work<'_>) -> Result<()> {
         encoding: header.encoding,
         line_end: header.line_end,
     };
-    write_whole(path, source_bytes + count * GAINED_BYTES, |sink| {
+    write_whole(path, source_bytes + count * (GAINED_BYTES + work.transfers.bytes()), |sink| {
         put(path, sink, &head(&header, &remarks, &plan, work))?;
         let mut remaining = header.elements.iter();
         for element in remaining.by_ref() {
@@ -96,6 +101,7 @@ fn head(header: &Header, remarks: &[u8], plan: &Plan, work: &Work<'_>) -> Vec<u8
         if element.name == "vertex" && !widened {
             widened = true;
             head.extend_from_slice(plan.appended_lines().as_bytes());
+            head.extend_from_slice(work.transfers.lines().as_bytes());
         }
     }
     head.extend_from_slice(b"end_header\n");
@@ -109,9 +115,10 @@ fn vertices(
     work: &Work<'_>,
 ) -> Result<()> {
     let (mut row, mut starts) = (Vec::new(), Vec::new());
-    work.for_each(element.count as usize, |_, light| {
+    work.for_each(element.count as usize, |vertex, light| {
         body.row(element, &mut row, &mut starts)?;
         plan.apply(&mut row, &starts, &values(light, work.exposure));
+        work.transfers.put(vertex, &mut row);
         put(path, sink, &row)
     })
 }

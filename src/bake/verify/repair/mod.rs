@@ -8,6 +8,7 @@ mod headers;
 mod lost;
 mod rebake;
 mod rows;
+mod transfers;
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -60,28 +61,34 @@ impl Repaired {
 pub fn repair(job: &Path, report: &Report, monitor: &dyn Monitor) -> Result<Repaired> {
     let _lock = Lock::take(job, monitor)?;
     let mut repaired = Repaired::default();
-    let mut report = report.clone();
+    let mut report = others(report.clone());
     if frame::mend(job, &report, &mut repaired)? {
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
     }
     if headers::mend(job, &report, &mut repaired)? {
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
     }
     if rows::mend(job, &report, &mut repaired, monitor)? {
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
     }
     if !(report.is_whole_file(OPTIONS_FILE) && report.is_whole_file(INPUTS_FILE)) {
         lost::find(job, &mut repaired)?;
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
     }
     if chunks::mend(job, &report, &mut repaired, monitor)? {
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
     }
     if !report.is_whole() {
         rebake::mend(job, &report, &mut repaired, monitor)?;
-        report = verify(job, monitor)?;
+        report = others(verify(job, monitor)?);
         // Only now the scene may tell which chunks there are to be.
         if chunks::mend(job, &report, &mut repaired, monitor)? {
+            report = others(verify(job, monitor)?);
+        }
+    }
+    if report.is_whole() {
+        report = verify(job, monitor)?;
+        if transfers::mend(job, &report, &mut repaired, monitor)? {
             report = verify(job, monitor)?;
         }
     }
@@ -92,6 +99,12 @@ pub fn repair(job: &Path, report: &Report, monitor: &dyn Monitor) -> Result<Repa
             problem: format!("still damaged after the repair: {damage}; bake again with --restart"),
         }),
     }
+}
+
+/// What is wrong with all but transfers, which are made of the others.
+fn others(mut report: Report) -> Report {
+    report.damages.retain(|damage| damage.file != crate::bake::transfer::FILE);
+    report
 }
 
 /// An archive to be written anew under its own name.
