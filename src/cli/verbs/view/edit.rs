@@ -84,7 +84,7 @@ impl Place {
             *position.ok_or("a sun has no position")? = finite(local).ok_or("a position out of reach")?;
         }
         if let Some(to) = self.direction {
-            let unit = DVec3::from_array(to).try_normalize().map(|unit| unit.as_vec3());
+            let unit = DVec3::from_array(to).try_normalize().map(DVec3::as_vec3);
             let unit = unit.and_then(finite).ok_or("a direction of no length")?;
             *direction.ok_or("a point lamp has no direction")? = unit;
         }
