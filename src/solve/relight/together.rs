@@ -30,6 +30,9 @@ pub struct TogetherParams {
 /// Errors above this are not measured by one more product: what GMRES says of its residual is good to far less.
 const LOOSE: f64 = 1.0e-3;
 
+/// A bounce is taken to leave this share of an error at the least, however dark all surfaces are.
+const LEAST_BOUNCE: f64 = 0.5;
+
 /// Steps that leave more than this share of the residual say nothing of the error.
 const STEADY: f64 = 0.5;
 
@@ -130,7 +133,9 @@ fn iterate<E>(
             report.history.push(report.residual);
             if params.error >= LOOSE {
                 let change = worst(&mut cycles.iter().map(Cycle::change));
-                close = is_close(params.error, (before, report.residual), change);
+                // The bounce that follows shrinks the error as K does.
+                let error = params.error / f64::from(params.largest_albedo).clamp(LEAST_BOUNCE, 1.0);
+                close = report.residual <= params.error && is_close(error, (before, report.residual), change);
             }
             let full = cycles.iter().any(|cycle| cycle.steps() >= KRYLOV);
             // What is measured again may come out a little larger.
@@ -149,10 +154,10 @@ fn iterate<E>(
 }
 
 /// Whether the error is as small as asked, by what the last step did: residuals that shrink by q a step leave an error of
-/// `change`·q/(1 − q), and steps that help little say nothing. The bounce that comes after is not counted: it halves it again.
+/// `change`·q/(1 − q), and steps that help little say nothing.
 fn is_close(error: f64, (before, residual): (f64, f64), change: f64) -> bool {
     let q = residual / before;
-    residual <= error && q <= STEADY && change * q / (1.0 - q) <= error
+    q <= STEADY && change * q / (1.0 - q) <= error
 }
 
 fn slices(lights: &[Vec<Rgb>]) -> Vec<&[Rgb]> {
