@@ -39,7 +39,7 @@ fn main() {
 fn measure(file: &Path, error: f64) -> glowtree::Result<()> {
     let options = Options { error, preview: false, ..Options::default() };
     let Options { seed, basis, operator, .. } = options;
-    let target = Target { error, seed, bounces: None, basis, operator };
+    let target = Target { error, seed, bounces: None, basis, operator, relightable: false };
     let (mut nothing, mut packed, mut kept) = (f64::INFINITY, f64::INFINITY, f64::INFINITY);
     for _ in 0..REPEATS {
         let watch = Stopwatch::start();

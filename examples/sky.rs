@@ -45,6 +45,7 @@ fn main() -> Result<()> {
         bounces: None,
         basis: options.basis,
         operator: options.operator,
+        relightable: false,
     };
     let (model, plan, report) = reach(&scene, &target, &Silent)?;
     println!("{} sites, estimated error {:.2} %", model.sites.len(), 100.0 * report.estimate.error);

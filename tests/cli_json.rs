@@ -154,6 +154,30 @@ fn every_verb_speaks_the_schema() {
     held(&place, &["man"], 0);
 }
 
+#[cfg(unix)]
+#[test]
+fn a_server_says_where_it_is_and_how_it_ended() {
+    use std::io::BufRead as _;
+    let place = Place::new();
+    place.baked("job");
+    let mut command = place.command(&["view", "job", "--vertices", "500", "--json"]);
+    let mut child = command.stdout(std::process::Stdio::piped()).spawn().unwrap();
+    let told = std::io::BufReader::new(child.stdout.take().unwrap());
+    let (schema, mut kinds) = (schema(), Vec::new());
+    for line in told.lines() {
+        let line: Value = serde_json::from_str(&line.unwrap()).unwrap();
+        assert_eq!(check(&schema, &schema, &line, "line"), Ok(()));
+        let kind = line["type"].as_str().unwrap().to_owned();
+        if kind == "serving" {
+            std::process::Command::new("kill").args(["-s", "INT", &child.id().to_string()]).status().unwrap();
+        }
+        kinds.push(kind);
+    }
+    assert_eq!(kinds[kinds.len() - 2..], ["serving", "error"]);
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    held(&place, &["view", "nowhere"], 10);
+}
+
 /// Flips a bit in the middle of a file.
 fn spoil(path: &std::path::Path) {
     let mut bytes = std::fs::read(path).unwrap();

@@ -26,6 +26,7 @@ impl Stage {
             let path = entry.unwrap().path();
             std::fs::copy(&path, folder.path().join(path.file_name().unwrap())).unwrap();
         }
+        std::fs::write(folder.path().join("sky.hdr"), waves()).unwrap();
         let text = std::fs::read_to_string(data.join("scene.toml")).unwrap() + more;
         Self { folder, text }
     }
@@ -36,14 +37,30 @@ impl Stage {
 
     /// Bakes the scene, with its text edited, into a job; in one that is there the operator stays.
     fn bake(&self, job: &str, error: f64, edits: &[(&str, &str)]) {
+        let options = Options { error, preview: false, ..Options::default() };
+        self.bake_by(job, &options, edits);
+    }
+
+    fn bake_by(&self, job: &str, options: &Options, edits: &[(&str, &str)]) {
         let edited = edits.iter().fold(self.text.clone(), |text, (from, to)| {
             assert!(text.contains(from), "{from} is not in {text}");
             text.replace(from, to)
         });
         std::fs::write(self.path("scene.toml"), edited).unwrap();
-        let options = Options { error, preview: false, ..Options::default() };
-        bake::run(&self.path("scene.toml"), &self.path(job), &options, &Silent).unwrap();
+        bake::run(&self.path("scene.toml"), &self.path(job), options, &Silent).unwrap();
     }
+}
+
+/// A sky of soft waves, 32 × 16 pixels in Radiance's format: no part of it is bright enough to be a lamp.
+fn waves() -> Vec<u8> {
+    let mut bytes = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n".to_vec();
+    for pixel in 0..512u32 {
+        let turn = std::f64::consts::TAU * f64::from(pixel % 32) / 32.0;
+        let tall = 0.5 + f64::from(16 - pixel / 32) / 32.0;
+        let value = |phase: f64| (60.0 * tall * (1.0 + 0.6 * (turn + phase).sin())) as u8;
+        bytes.extend([value(0.0), value(1.0), value(2.5), 128]);
+    }
+    bytes
 }
 
 fn open(job: &Path) -> Relighter {
@@ -67,6 +84,10 @@ fn relative(a: &[Rgb], b: &[Rgb]) -> f64 {
 const MORE: &str = "\n[[lamp]]\nkind = \"point\"\nname = \"bulb\"\nposition = [1.0, 4.5, 1.0]\nintensity = [3, 2, 4]\n\
     \n[[lamp]]\nkind = \"sun\"\nname = \"sun\"\ndirection = [0.2, -0.3, 1.0]\nirradiance = [2, 2, 1]\n\
     \n[sky]\nradiance = [0.5, 0.6, 0.9]\n";
+
+/// Lights for the crater, which is open and has a sun.
+const OPEN: &str = "\n[[lamp]]\nkind = \"point\"\nname = \"bulb\"\nposition = [0.2, -0.3, 0.1]\nintensity = [0.3, 0.2, 0.1]\n\
+    \n[sky]\nfile = \"sky.hdr\"\nrotate = 20\n";
 
 #[test]
 fn sums_of_lights_are_solutions() {
@@ -127,11 +148,9 @@ fn as_baked(scene: (&str, &str), error: f64, changes: &[&str], edits: &[(&str, &
 #[test]
 fn relit_jobs_are_bakes_with_these_lights() {
     let error = 0.02;
-    // Same points, same rays: a tenth of the target is left for the solver. Afresh, sites and rays are others, and both bakes
-    // err: by √2 of the target, and the targets are met within half of themselves.
-    let (tenth, both) = (0.1 * error, 1.5 * 2f64.sqrt() * error);
+    // Same points, same rays, or sites and rays that lie elsewhere for other lights: a tenth of the target is left for both.
+    let tenth = 0.1 * error;
     let grey = "albedo = [0.725, 0.71, 0.68]";
-    let sun = "radiance = [0.5, 0.6, 0.9]";
     for (scene, changes, edits) in [
         (
             ("cornell", ""),
@@ -162,25 +181,31 @@ fn relit_jobs_are_bakes_with_these_lights() {
             ],
         ),
         (
-            ("cornell", MORE),
-            &["sky.radiance=1,1,0.2", "bulb.intensity=1,5,5", "sun.irradiance=1", "light.scale=0"],
+            ("crater", OPEN),
             &[
-                (sun, "radiance = [1, 1, 0.2]"),
-                ("[3, 2, 4]", "[1, 5, 5]"),
-                ("[2, 2, 1]", "[1, 1, 1]"),
-                ("[18.387, 13.9873, 6.75357]", "[0, 0, 0]"),
+                "sky.rotate=130",
+                "bulb.intensity=0.2,0.5,0.3",
+                "sun.irradiance=0.5,0.4,0.2",
+                "cap.albedo=0.7,0.3,0.5",
+            ],
+            &[
+                ("rotate = 20", "rotate = 130"),
+                ("[0.3, 0.2, 0.1]", "[0.2, 0.5, 0.3]"),
+                ("irradiance = [1, 1, 1]", "irradiance = [0.5, 0.4, 0.2]"),
+                ("albedo = [0.5, 0.5, 0.5]", "albedo = [0.7, 0.3, 0.5]"),
             ],
         ),
     ] {
         let (kept, fresh) = as_baked(scene, error, changes, edits);
-        assert!(kept < tenth && fresh < both, "{scene:?}: {kept}, {fresh}");
+        assert!(kept < tenth && fresh < tenth, "{scene:?}: {kept}, {fresh}");
     }
 }
 
 #[test]
 fn new_and_moved_lamps_are_looked_at() {
     let stage = Stage::new("cornell", &MORE.replace("[3, 2, 4]", "[0, 0, 0]"));
-    stage.bake("job", 0.05, &[]);
+    let options = Options { error: 0.05, preview: false, relightable: Some(false), ..Options::default() };
+    stage.bake_by("job", &options, &[]);
     let mut relighter = open(&stage.path("job"));
     let dark = relighter.relight(&set(&relighter, &["sky.scale=2"])).unwrap();
     let lighting = set(&relighter, &["bulb.intensity=3", "sun.direction=-0.2,-0.3,1"]);
@@ -189,7 +214,7 @@ fn new_and_moved_lamps_are_looked_at() {
     let points: Vec<SurfacePoint> = (0..1000).map(|s| relighter.model().sites.point(SiteId(s))).collect();
     let relit: Vec<Rgb> =
         relighter.evaluate(&points).iter().map(glowtree::solve::Irradiance::total).collect();
-    stage.bake("job", 0.05, &[("[0, 0, 0]", "[3, 3, 3]"), ("[0.2, -0.3, 1.0]", "[-0.2, -0.3, 1.0]")]);
+    stage.bake_by("job", &options, &[("[0, 0, 0]", "[3, 3, 3]"), ("[0.2, -0.3, 1.0]", "[-0.2, -0.3, 1.0]")]);
     let baked = bake::open(&stage.path("job")).unwrap();
     let truth: Vec<Rgb> = baked.evaluate(&points).iter().map(glowtree::solve::Irradiance::total).collect();
     // The rays of new links are the same but for their number, which goes by shares of the light: a tenth of the target.
@@ -303,7 +328,7 @@ fn the_job_stays_and_unchanged_lights_answer_as_it_does() {
 fn loose_solutions_are_as_good_as_they_are_asked_to_be() {
     let stage = Stage::new("cornell", MORE);
     stage.bake("job", 0.1, &[]);
-    for paint in ["0.3,0.6,0.1", "0.95", "0"] {
+    for paint in ["0.3,0.6,0.1", "0.95", "0", "0.7,0.5,0.9", "0.72,0.7,0.6"] {
         let [mut loose, mut tight] = [1e-2, 1e-6].map(|error| {
             let mut relighter = open(&stage.path("job"));
             relighter.params_mut().error = error;

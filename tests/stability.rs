@@ -50,6 +50,7 @@ fn two_seeds_differ_where_the_target_is_loose() {
             bounces: None,
             basis: Basis::default(),
             operator: Operator::default(),
+            relightable: false,
         };
         let (model, ..) = pipeline::reach(&scene, &target, &Silent).expect("nothing interrupts");
         let answers = model.field().evaluate(&points);

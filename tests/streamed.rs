@@ -408,3 +408,59 @@ fn damaged_and_lost_chunks_are_cut_again_to_the_same_bytes() {
     assert!(stderr(&refused).contains("ball.ply has changed"), "{}", stderr(&refused));
     assert_eq!(std::fs::read(&file).expect("the chunks"), flipped(whole.len() / 5));
 }
+
+#[test]
+fn relit_it_answers_as_if_baked_so() {
+    let ball = Ball::new();
+    let place = Place::new();
+    let error = 0.04;
+    ball.bake("job.glow", &Options { preview: false, ..options(error) });
+    let text = SCENE.replace("irradiance = [1, 1, 0.9]", "irradiance = [0.4, 0.8, 1.2]");
+    let text = text.replace("radiance = [1, 1, 1]", "radiance = [0.9, 0.5, 0.2]");
+    let text = text.replace("albedo = [0.7, 0.6, 0.5]", "albedo = [0.3, 0.5, 0.6]");
+    std::fs::write(ball.path("scene.toml"), text).expect("other lights");
+    ball.bake("fresh.glow", &options(error));
+    let mut table = String::from("x,y,z,nx,ny,nz\n");
+    let normals = vertices::normals(&scene::load(&ball.path("scene.toml")).expect("the scene"));
+    let [x, y, z] = ["x", "y", "z"].map(|name| column(&ball.path("fresh.glow/mesh.ply"), name));
+    // Vertices of the ball, whose poles are many at one place.
+    for v in (2 * RINGS as usize..(RINGS as usize - 1) * RINGS as usize).step_by(197) {
+        let n = normals[v];
+        let _ = writeln!(table, "{},{},{},{},{},{}", x[v], y[v], z[v], n.x, n.y, n.z);
+    }
+    std::fs::write(place.path("ball.csv"), table).expect("the points");
+    let [job, fresh] = ["job.glow", "fresh.glow"].map(|name| ball.path(name).to_string_lossy().into_owned());
+    let changes = ["lamp.irradiance=0.4,0.8,1.2", "sky.radiance=0.9,0.5,0.2", "ball.albedo=0.3,0.5,0.6"];
+    let sets: Vec<&str> = changes.iter().flat_map(|change| ["--set", change]).collect();
+    let numbers = |words: &[&str]| -> Vec<f64> {
+        let output = place.run(words);
+        assert_eq!(code(&output), 0, "{words:?}: {}", stderr(&output));
+        let light =
+            |line: &str| line.split(',').skip(6).take(6).map(str::parse).collect::<Result<Vec<f64>, _>>();
+        stdout(&output).lines().skip(1).flat_map(|line| light(line).expect("numbers")).collect()
+    };
+    let relit = numbers(&[&["relight", &job, "--points", "ball.csv"][..], &sets].concat());
+    let baked = numbers(&["probe", &fresh, "--points", "ball.csv"]);
+    let before = numbers(&["probe", &job, "--points", "ball.csv"]);
+    let off = |a: &[f64], b: &[f64]| {
+        assert_eq!(a.len(), b.len());
+        let square: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+        (square / b.iter().map(|b| b * b).sum::<f64>()).sqrt()
+    };
+    println!(
+        "points: {:.2} % off a fresh bake, {:.0} % before",
+        1e2 * off(&relit, &baked),
+        1e2 * off(&before, &baked)
+    );
+    // Both err by the target, independently: √2 of it; the lights of before are far from it.
+    assert!(off(&relit, &baked) < 1.5 * error && off(&before, &baked) > 0.2, "points");
+    let out = place.path("out.ply").to_string_lossy().into_owned();
+    let written = place.run(&[&["relight", &job, "-o", &out, "-q"][..], &sets].concat());
+    assert_eq!(code(&written), 0, "{}", stderr(&written));
+    for name in ["irradiance_r", "irradiance_b", "radiosity_g"] {
+        let read = |path: &Path| column(path, name).into_iter().map(f64::from).collect::<Vec<f64>>();
+        let (relit, baked) = (read(Path::new(&out)), read(&ball.path("fresh.glow/mesh.ply")));
+        println!("{name} of {} vertices: {:.2} % off a fresh bake", relit.len(), 1e2 * off(&relit, &baked));
+        assert!(off(&relit, &baked) < 1.5 * error, "{name}");
+    }
+}

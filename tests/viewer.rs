@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used)] // a test that cannot go on panics where it stands
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+mod browser;
 
+use std::path::Path;
+use std::process::Command;
+
+use browser::{chromium, escaped, grid, rms, shot, visit};
 use glam::Vec3;
+use glowtree::bake::model::Model;
 use glowtree::bake::{self, Job, Options, Relighter};
 use glowtree::geometry::SurfacePoint;
 use glowtree::light::Rgb;
@@ -70,6 +74,7 @@ fn picture(job: &Job, vertices: usize) -> Picture<'_> {
     let light = |name: &str, glowing: Vec<u32>, part: fn(&Irradiance) -> Rgb| ViewLight {
         name: name.into(),
         irradiance: answers.iter().map(part).collect(),
+        turned: vec![],
         glowing,
         is_sky: false,
     };
@@ -138,33 +143,9 @@ fn the_page_holds_what_the_job_says_and_asks_for_nothing() {
     }
 }
 
-/// A Chromium of this machine.
-fn chromium() -> Option<PathBuf> {
-    let folders: Vec<PathBuf> = std::env::split_paths(&std::env::var_os("PATH")?).collect();
-    let names = ["chromium", "chromium-browser", "google-chrome"];
-    let found = names.iter().flat_map(|name| folders.iter().map(move |folder| folder.join(name)));
-    let found = found.into_iter().find(|path| path.is_file());
-    if found.is_none() {
-        println!("skipped: there is no Chromium in PATH");
-    }
-    found
-}
-
-/// Shows a page without a screen; what it writes to standard output.
-fn show(chromium: &Path, profile: &Path, page: (&Path, &Value), flags: &[String]) -> String {
-    let settings: String = page.1.to_string().bytes().map(|byte| format!("%{byte:02X}")).collect();
-    let mut command = Command::new(chromium);
-    command
-        .args(["--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"])
-        .args(["--enable-unsafe-swiftshader", "--hide-scrollbars", "--force-device-scale-factor=1"])
-        .args(["--no-first-run", "--disable-background-networking", "--virtual-time-budget=10000"])
-        .arg(format!("--user-data-dir={}", profile.display()))
-        .args(flags)
-        .arg(format!("file://{}#width=512&height=512&set={settings}", page.0.display()))
-        .stderr(Stdio::null());
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", output.status);
-    String::from_utf8_lossy(&output.stdout).into_owned()
+/// The address of a page at a size, with what it is to set.
+fn address(page: &Path, set: &Value) -> String {
+    format!("file://{}#width=512&height=512&set={}", page.display(), escaped(set))
 }
 
 /// The program's own picture under weights, as sRGB bytes.
@@ -198,18 +179,9 @@ fn three_settings_of_the_sliders_show_what_render_shows() {
         ([Vec3::new(1.0, 0.3, 0.1), Vec3::new(0.2, 0.6, 1.5)], 3.0),
     ];
     for (k, (weights, exposed)) in settings.into_iter().enumerate() {
-        let shot = folder.path().join(format!("shot{k}.png"));
-        let flags = ["--window-size=512,512".to_owned(), format!("--screenshot={}", shot.display())];
         let set = json!({ "weights": weights.map(|w| w.to_array()), "exposure": exposed });
-        show(&chromium, &folder.path().join("profile"), (&path, &set), &flags);
-        let shown = image::open(&shot).unwrap().to_rgb8();
-        assert_eq!(shown.dimensions(), (512, 512));
-        let expected = rendered(&job, &picture.view, weights, exposed);
-        let differences = shown.pixels().zip(&expected).flat_map(|(a, b)| {
-            a.0.into_iter().zip(*b).map(|(a, b)| f64::from(a) - f64::from(b)).collect::<Vec<_>>()
-        });
-        let sum: f64 = differences.map(|d| d * d).sum();
-        let rms = (sum / (3 * expected.len()) as f64).sqrt();
+        let shown = shot(&chromium, folder.path(), &address(&path, &set), [512, 512]);
+        let (rms, _) = rms(&shown, &rendered(&job, &picture.view, weights, exposed));
         println!("setting {k}: {rms:.3} of 255 rms");
         // The bound is the one that was asked for. It covers light that is linear between vertices two pixels apart
         // (0.7 at shadows), colours of nine bits (0.3), and edges, whose sixteen samples a pixel lie elsewhere (1.2).
@@ -248,8 +220,8 @@ addEventListener("load", () => frames(3, () => {
 </script>"#;
     let text = std::fs::read_to_string(&path).unwrap().replacen("<title>", &format!("{COUNTER}<title>"), 1);
     std::fs::write(&path, text).unwrap();
-    let page =
-        show(&chromium, &folder.path().join("profile"), (&path, &json!({})), &["--dump-dom".to_owned()]);
+    let profile = folder.path().join("profile");
+    let page = visit(&chromium, &profile, &address(&path, &json!({})), &["--dump-dom".to_owned()]);
     let (_, rest) = page.split_once("data-bytes=\"").expect("the page ran to its end");
     let counts: Vec<u64> = rest.split_once('"').unwrap().0.split(' ').map(|n| n.parse().unwrap()).collect();
     println!("{counts:?} bytes at first, bytes of moves, moves");
@@ -304,21 +276,120 @@ fn a_slider_for_each_light_shows_what_relit_jobs_render_to() {
         let view = View { camera: model.scene.cameras[0].clone(), see_through: false };
         let evaluate = |points: &[SurfacePoint]| model.field().evaluate(points);
         let film = render(&model.scene, &model.bvh, &evaluate, (&view, Quality::FINE), &|_| Ok(())).unwrap();
-        let shot = folder.path().join(format!("relit{k}.png"));
-        let flags = ["--window-size=512,512".to_owned(), format!("--screenshot={}", shot.display())];
         let set = json!({ "weights": weights, "exposure": exposed });
-        show(&chromium, &folder.path().join("profile"), (&path, &set), &flags);
-        let shown = image::open(&shot).unwrap().to_rgb8();
-        let expected = film.pixels.iter().map(|pixel| exposure::srgb(pixel.radiance(), exposed));
-        let (mut sum, mut light) = (0.0, 0.0);
-        for (a, b) in shown.pixels().zip(expected) {
-            sum += (0..3).map(|c| (f64::from(a.0[c]) - f64::from(b[c])).powi(2)).sum::<f64>();
-            light += b.map(f64::from).iter().sum::<f64>();
-        }
-        let (rms, mean) = ((sum / (3.0 * 512.0 * 512.0)).sqrt(), light / (3.0 * 512.0 * 512.0));
+        let shown = shot(&chromium, folder.path(), &address(&path, &set), [512, 512]);
+        let expected: Vec<[u8; 3]> =
+            film.pixels.iter().map(|pixel| exposure::srgb(pixel.radiance(), exposed)).collect();
+        let (rms, mean) = rms(&shown, &expected);
         println!("lights {k}: {rms:.3} of 255 rms, mean {mean:.0}");
         assert!(mean > 20.0, "too dark to tell: {mean}");
         // As above, and what a vertex and a point next to it differ by within the target of 2 %.
         assert!(rms <= 2.0, "lights {k}: {rms} of 255 rms");
     }
+}
+
+/// A ball of radius one with waves on it, over a floor, and a camera.
+fn ball_over_floor(folder: &Path) {
+    let ball = |u: f64, v: f64| {
+        let (a, b) = (std::f64::consts::PI * u, std::f64::consts::TAU * v);
+        let r = 1.0 + 0.03 * (9.0 * a).sin() * (8.0 * b).cos();
+        [a.sin() * b.cos(), -a.cos(), a.sin() * b.sin()].map(|x| x * r)
+    };
+    std::fs::write(folder.join("ball.ply"), grid(200, ball)).unwrap();
+    std::fs::write(folder.join("floor.ply"), grid(2, |u, v| [4.0 * v - 2.0, -1.2, 4.0 * u - 2.0])).unwrap();
+}
+
+const BALL: &str = "[[mesh]]\nfile = \"ball.ply\"\nalbedo = [0.7, 0.5, 0.3]\n[[mesh]]\nfile = \"floor.ply\"\nalbedo = [0.5, 0.5, 0.5]\n\
+    [[camera]]\neye = [1.5, 1.8, 4.5]\ntarget = [0, -0.2, 0]\nfov = 40\nsize = [512, 512]\n";
+
+/// Bakes a scene into `job` and exports its page, `view.html`.
+fn exported(folder: &Path, scene: &str, options: &Options) {
+    std::fs::write(folder.join("scene.toml"), scene).unwrap();
+    let (job, path) = (folder.join("job"), folder.join("view.html"));
+    bake::run(&folder.join("scene.toml"), &job, options, &bake::Silent).unwrap();
+    let program =
+        Command::new(env!("CARGO_BIN_EXE_glowtree")).arg("export").arg(&job).arg("-o").arg(&path).output();
+    assert!(program.unwrap().status.success());
+}
+
+/// Compares what `view.html` shows with the program's own picture of a model: rms of 255.
+fn page_against(folder: &Path, model: &Model, set: &Value) -> Option<f64> {
+    let chromium = chromium()?;
+    let view = View::choose(&model.scene, &model.bvh, None, [512, 512]).unwrap();
+    let evaluate = |points: &[SurfacePoint]| model.field().evaluate(points);
+    let film = render(&model.scene, &model.bvh, &evaluate, (&view, Quality::FINE), &|_| Ok(())).unwrap();
+    let exposed = film.exposure();
+    let expected: Vec<[u8; 3]> =
+        film.pixels.iter().map(|pixel| exposure::srgb(pixel.radiance(), exposed)).collect();
+    let mut set = set.clone();
+    set["exposure"] = json!(exposed);
+    let shown = shot(&chromium, folder, &address(&folder.join("view.html"), &set), [512, 512]);
+    let (rms, mean) = rms(&shown, &expected);
+    println!("{set}: {rms:.3} of 255 rms, mean {mean:.0}");
+    assert!(mean > 20.0, "too dark to tell: {mean}");
+    Some(rms)
+}
+
+fn page_against_render(folder: &Path, scene: &str, options: &Options) -> Option<f64> {
+    chromium()?;
+    exported(folder, scene, options);
+    page_against(folder, bake::open(&folder.join("job")).unwrap().model(), &json!({}))
+}
+
+fn quick(error: f64) -> Options {
+    Options { error, preview: false, ..Options::default() }
+}
+
+#[test]
+fn a_mesh_that_stays_in_its_file_is_shown_by_a_proxy_with_its_light() {
+    let folder = tempfile::tempdir().unwrap();
+    ball_over_floor(folder.path());
+    let scene = format!(
+        "{BALL}[[lamp]]\nkind = \"sun\"\ndirection = [-0.5, -1, -0.4]\nirradiance = [2, 2, 1.8]\n[sky]\nradiance = [0.5, 0.6, 0.8]\n"
+    );
+    let streamed = Options { resident: Some(1000), ..quick(0.02) };
+    let Some(rms) = page_against_render(folder.path(), &scene, &streamed) else { return };
+    assert!(rms <= 2.0, "{rms} of 255 rms");
+}
+
+#[test]
+fn an_image_sky_lights_stands_behind_and_turns_as_rendered() {
+    if chromium().is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    ball_over_floor(folder.path());
+    // Blue above, brown below, a warm glow at one side: every turn and mirroring shows.
+    let pixel = |x: usize, y: usize| {
+        let (around, up) = ((x as f32 + 0.5) / 128.0, 1.0 - (y as f32 + 0.5) / 32.0);
+        let glow = 6.0 * (-40.0 * ((around - 0.3).powi(2) + (up - 0.4).powi(2))).exp();
+        (0.3 + glow, 0.4 + 0.2 * up + 0.5 * glow, 0.5 + 0.4 * up)
+    };
+    exr::prelude::write_rgb_file(folder.path().join("sky.exr"), 128, 64, pixel).unwrap();
+    exported(folder.path(), &format!("{BALL}[sky]\nfile = \"sky.exr\"\nrotate = 25\n"), &quick(0.02));
+    let mut relighter = Relighter::open(&folder.path().join("job")).unwrap();
+    // As baked; four of nine parts, which the page holds; half way between two, where it knows least.
+    for turn in [0.0, 160.0, -100.0] {
+        let mut lighting = relighter.baked().clone();
+        lighting.set(relighter.scene(), &format!("sky.rotate={}", 25.0 + turn)).unwrap();
+        relighter.relight(&lighting).unwrap();
+        let rms = page_against(folder.path(), relighter.model(), &json!({ "turn": turn })).unwrap();
+        assert!(rms <= 2.0, "turned by {turn}: {rms} of 255 rms");
+    }
+}
+
+#[test]
+fn a_sheet_of_two_sides_is_shown_from_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let floor = grid(2, |u, v| [4.0 * v - 2.0, -1.2, 4.0 * u - 2.0]);
+    std::fs::write(folder.path().join("floor.ply"), floor).unwrap();
+    // Bent about the vertical; its front looks to -z, away from the camera.
+    let sheet = grid(40, |u, v| [0.9 - 1.8 * u, 1.8 * v - 1.0, 0.5 * (3.0 * u).sin()]);
+    std::fs::write(folder.path().join("sheet.ply"), sheet).unwrap();
+    let scene = "[[mesh]]\nfile = \"sheet.ply\"\nalbedo = [0.2, 0.5, 0.7]\nsides = 2\n[[mesh]]\nfile = \"floor.ply\"\n\
+        albedo = [0.5, 0.5, 0.5]\n[[camera]]\neye = [1.5, 1.8, 4.5]\ntarget = [0, -0.2, 0]\nfov = 40\nsize = [512, 512]\n\
+        [[lamp]]\nkind = \"point\"\nposition = [0.5, 1.2, 2.5]\nintensity = [6, 5, 4]\n\
+        [[lamp]]\nkind = \"point\"\nposition = [-1, 0.5, -2]\nintensity = [0, 1, 4]\n[sky]\nradiance = [0.1, 0.1, 0.1]\n";
+    let Some(rms) = page_against_render(folder.path(), scene, &quick(0.02)) else { return };
+    assert!(rms <= 2.0, "{rms} of 255 rms");
 }

@@ -29,6 +29,8 @@ pub struct Plan {
     pub basis: Basis,
     /// What turns radiosity into irradiance.
     pub operator: Operator,
+    /// Whether the target is each light's by itself.
+    pub relightable: bool,
     /// Relative residual of the solver, before the division by 1 − ρ.
     pub tolerance: f64,
     /// Disagreement of receivers, relative to the mean irradiance, from which a point gathers for itself.
@@ -77,6 +79,7 @@ impl Plan {
             },
             basis: Basis::default(),
             operator: Operator::default(),
+            relightable: false,
             // The prototype's 3e-3 left a visible bias; a thirtieth of the target stays below the rows' noise.
             tolerance: (error / 30.0).min(3e-4),
             doubt: (3.0 * error) as f32,

@@ -6,28 +6,30 @@ use super::job::streams::Details;
 use super::laws::Plan;
 use super::model::Model;
 use super::report::progress::{Monitor, Stage};
+use super::report::summary::LightEstimate;
 use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
+use super::work::alone::{Alone, Even};
 use super::work::grading::Shine;
-use super::work::{self, Grounds, Layout, Work};
+use super::work::{Grounds, Layout, Work, refine};
 use crate::archive::{Ledger, One, Pause, Tag};
 use crate::basis::Basis;
 use crate::detail;
 use crate::error::{Error, Result};
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
-use crate::links::lamps;
 use crate::links::lamps::shadow::Shadows;
+use crate::links::lamps::{self, LampTree};
 use crate::links::points::{Dense, MOST_SITES, Operator};
 use crate::links::receivers::{LEAST_SHARE, Placement, Receivers, Sources};
 use crate::links::spread::Spread;
 use crate::rays::{Bvh, Packet};
 use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
-use crate::scene::Scene;
+use crate::scene::{Scene, Sky};
 use crate::sites::SiteParams;
-use crate::solve::Solution;
 use crate::solve::iterate::{IterateParams, IterateReport};
+use crate::solve::{Field, Solution};
 
 /// What the stages did.
 #[derive(Debug, Clone, Default)]
@@ -40,6 +42,15 @@ pub struct PipelineReport {
     pub iterate: IterateReport,
     /// The independent gather's.
     pub estimate: Estimate,
+    /// The same by light, of a bake that is meant for relighting.
+    pub lights: Vec<LightEstimate>,
+}
+
+impl PipelineReport {
+    /// The largest error of all that was judged.
+    fn worst(&self) -> f64 {
+        self.lights.iter().map(|light| light.error).fold(self.estimate.error, f64::max)
+    }
 }
 
 /// What a bake is asked, as far as the stages know.
@@ -55,7 +66,12 @@ pub struct Target {
     pub basis: Basis,
     /// What turns radiosity into irradiance.
     pub operator: Operator,
+    /// Whether the error is each light's by itself.
+    pub relightable: bool,
 }
+
+/// Points that judge one light of several: what they say is known to a tenth.
+const JUDGES: usize = 150;
 
 /// Rounds of refinement at the most.
 const ROUNDS: u32 = 3;
@@ -172,8 +188,8 @@ pub fn reach_kept(
     let mut spent = PipelineReport::default();
     let mut stand = Some(stand);
     for round in 1..=ROUNDS {
-        let Target { error, basis, operator, .. } = *target;
-        let plan = Plan { target: error, basis, operator, ..Plan::new(aim, target.seed) };
+        let Target { error, basis, operator, relightable, .. } = *target;
+        let plan = Plan { target: error, basis, operator, relightable, ..Plan::new(aim, target.seed) };
         let mut made = None;
         let mut make = || -> Result<_> {
             let stand = stand.take().expect("each round gives the scene back");
@@ -183,7 +199,7 @@ pub fn reach_kept(
         let rounds = u64::from(round)..u64::from(round) + 1;
         let One([reached, rays]) = journal.rounds().keep(Tag::new("round"), rounds, || {
             let (model, report) = make()?;
-            let found = [report.estimate.error, report.rays as f64];
+            let found = [report.worst(), report.rays as f64];
             made = Some((model, report));
             Ok(One(found))
         })?;
@@ -261,17 +277,21 @@ fn build_kept(
     let (bvh, near) = bvh.without_near();
     let surface = Surface::new(&scene, leaf_order(&bvh));
     let (lamps, glowing) = lamps::split(&scene);
-    let tree = lamps::LampTree::new(&lamps);
-    let shadows = Shadows { tree: &tree, lamps: &lamps, bvh: &bvh };
+    let mut even = Even::new(&scene, &lamps, plan.relightable);
+    let mut tree = LampTree::new(&even.lamps);
+    let shadows = Shadows { tree: &tree, lamps: &even.lamps, bvh: &bvh };
     let shines = |at: &SurfacePoint| shadows.reach(at);
     let sources = Sources { shines: &shines, glowing: &glowing, sky: scene.sky.is_some() };
     let placement = Placement::grow(&surface, &bvh, &sources, &plan.receivers, ledger)?;
     stage.advance(placement.places.len() as u64)?;
     report.stages.push(stage.finish());
 
-    let grounds = Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &lamps, glowing: &glowing };
     let stage = Stage::start(monitor, "sites", "sites", None);
-    let layout = lay(grounds, plan, (&placement, shadows), ledger)?;
+    even.level(&mut tree, placement.places.iter().map(|place| place.point));
+    let grounds =
+        Grounds { scene: &scene, bvh: &bvh, surface: &surface, lamps: &even.lamps, glowing: &glowing };
+    let mut layout = lay(grounds, plan, (&placement, &tree, even.sky.as_ref()), ledger)?;
+    layout.direct.relight(&lamps);
     stage.advance(layout.sites.len() as u64)?;
     report.rays += layout.rays;
     report.stages.push(stage.finish());
@@ -289,12 +309,19 @@ fn build_kept(
     stage.advance(work.layout.sites.len() as u64)?;
     report.stages.push(stage.finish());
     let watch = (monitor, ledger);
-    solve(&mut work, "first light", (plan, bounces), watch, &mut report)?;
-
-    let stage = Stage::start(monitor, "refine", "receivers", None);
-    work::refine::refine(&mut work, plan, ledger)?;
-    stage.advance(work.receivers.len() as u64)?;
-    report.stages.push(stage.finish());
+    let mixture = work.layout.mixture.take();
+    let lights = mixture.map_or_else(Vec::new, |m| Alone::all(&scene, (&lamps, &glowing), &m));
+    if lights.is_empty() {
+        solve(&mut work, "first light", (plan, bounces), watch, &mut report)?;
+        let stage = Stage::start(monitor, "refine", "receivers", None);
+        let room = refine::room(&work);
+        refine::split(&mut work, plan, room, ledger)?;
+        refine::own(&mut work, plan, ledger)?;
+        stage.advance(work.receivers.len() as u64)?;
+        report.stages.push(stage.finish());
+    } else {
+        work = each_by_itself(work, &lights, (plan, bounces), watch, &mut report)?;
+    }
 
     solve(&mut work, "solve", (plan, bounces), watch, &mut report)?;
     if plan.operator == Operator::Dense {
@@ -333,12 +360,13 @@ fn build_kept(
 fn lay(
     grounds: Grounds<'_>,
     plan: &Plan,
-    (placement, shadows): (&Placement, Shadows<'_>),
+    (placement, tree, sky): (&Placement, &LampTree, Option<&Sky>),
     ledger: &Ledger<'_>,
 ) -> Result<Layout> {
-    let scene = grounds.scene;
+    let Grounds { scene, bvh, lamps, .. } = grounds;
+    let shadows = Shadows { tree, lamps, bvh };
     let (radii, smallest) = (placement.radii(), placement.smallest_radius);
-    let shine = Shine::new(shadows, scene.sky.as_ref(), radii.representatives());
+    let shine = Shine::new(shadows, sky, radii.representatives());
     let spacing = |at: &Candidate| {
         // Who asks to stop wants no sites: levels end here, the layout then errors.
         if ledger.pause().is_err() {
@@ -367,14 +395,53 @@ fn lay(
     Ok(layout)
 }
 
-fn solve(
-    work: &mut Work<'_>,
-    name: &'static str,
+/// Refines against each light by itself, and judges each.
+fn each_by_itself<'a>(
+    mut work: Work<'a>,
+    lights: &[Alone],
     (plan, bounces): (&Plan, Option<usize>),
     (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
     report: &mut PipelineReport,
-) -> Result<()> {
-    let stage = Stage::start(monitor, name, "iterations", None);
+) -> Result<Work<'a>> {
+    let stage = Stage::start(monitor, "lights", "lights", Some(2 * lights.len() as u64));
+    // Each may ask for as much as one alone would: what one has got the next needs no more.
+    let room = refine::room(&work);
+    let mut levels = Vec::with_capacity(lights.len());
+    for light in lights {
+        let level;
+        (work, level) = work.lit_by(light, |lit| {
+            find(lit, (plan, bounces), ledger)?;
+            refine::split(lit, plan, room, ledger)?;
+            Ok(lit.solution.level)
+        })?;
+        levels.push(if level > 0.0 { level.recip() } else { 0.0 });
+        stage.advance(1)?;
+    }
+    // Rows of their own come after all that is split; the same sites ask for them whatever the light (docs/theory.md).
+    (work, ()) = work.lit_by(&Alone::together(lights, &levels), |lit| {
+        find(lit, (plan, bounces), ledger)?;
+        refine::own(lit, plan, ledger)
+    })?;
+    for light in lights {
+        let estimate;
+        (work, estimate) = work.lit_by(light, |lit| {
+            find(lit, (plan, bounces), ledger)?;
+            let smooth = lit.smooth();
+            judged(&lit.field(plan, &smooth), plan, (JUDGES, &mut report.rays), ledger)
+        })?;
+        report.lights.push(LightEstimate { name: light.name.clone(), error: estimate.error });
+        stage.advance(1)?;
+    }
+    report.stages.push(stage.finish());
+    Ok(work)
+}
+
+/// Solves for the light; what the solver did.
+fn find(
+    work: &mut Work<'_>,
+    (plan, bounces): (&Plan, Option<usize>),
+    ledger: &Ledger<'_>,
+) -> Result<IterateReport> {
     let params = iteration(work.largest_albedo(), plan, bounces);
     let gather = |radiosity: &[Rgb]| {
         ledger.keep(Tag::new("product"), 0..work.receivers.len() as u64, || {
@@ -383,8 +450,19 @@ fn solve(
     };
     let (solution, iterate) = work.problem().solve_by(gather, &params)?;
     work.solution = solution;
-    stage.advance(iterate.iterations as u64)?;
-    report.iterate = iterate;
+    Ok(iterate)
+}
+
+fn solve(
+    work: &mut Work<'_>,
+    name: &'static str,
+    (plan, bounces): (&Plan, Option<usize>),
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+    report: &mut PipelineReport,
+) -> Result<()> {
+    let stage = Stage::start(monitor, name, "iterations", None);
+    report.iterate = find(work, (plan, bounces), ledger)?;
+    stage.advance(report.iterate.iterations as u64)?;
     report.stages.push(stage.finish());
     Ok(())
 }
@@ -421,7 +499,7 @@ fn solve_dense(
     Ok(())
 }
 
-/// Judges a model by independent gathers, and once more by more of them before a plan is thrown away.
+/// Judges a model by independent gathers.
 pub(super) fn judge(
     model: &Model,
     plan: &Plan,
@@ -429,20 +507,28 @@ pub(super) fn judge(
     report: &mut PipelineReport,
 ) -> Result<()> {
     let stage = Stage::start(monitor, "judge", "points", None);
-    let mut params =
-        ValidateParams { points: plan.judges, rays: plan.judge_rays, seed: plan.sites.seed ^ 0x1d9e };
-    report.estimate = validate::judge(&model.field(), &params, ledger)?;
-    report.rays += report.estimate.rays;
-    stage.advance(params.points as u64)?;
-    // Before a plan is thrown away it is heard again, by more.
-    if report.estimate.error > LENIENCE * plan.target {
-        params = ValidateParams { points: APPEAL * params.points, seed: params.seed ^ 0xa99e, ..params };
-        report.estimate = validate::judge(&model.field(), &params, ledger)?;
-        report.rays += report.estimate.rays;
-        stage.advance(params.points as u64)?;
-    }
+    report.estimate = judged(&model.field(), plan, (plan.judges, &mut report.rays), ledger)?;
+    stage.advance(plan.judges as u64)?;
     report.stages.push(stage.finish());
     Ok(())
+}
+
+/// What so many independent gathers say; before a plan is thrown away it is heard again, by more.
+fn judged(
+    field: &Field<'_>,
+    plan: &Plan,
+    (points, rays): (usize, &mut u64),
+    ledger: &Ledger<'_>,
+) -> Result<Estimate> {
+    let params = ValidateParams { points, rays: plan.judge_rays, seed: plan.sites.seed ^ 0x1d9e };
+    let mut estimate = validate::judge(field, &params, ledger)?;
+    *rays += estimate.rays;
+    if estimate.error > LENIENCE * plan.target {
+        let params = ValidateParams { points: APPEAL * points, seed: params.seed ^ 0xa99e, ..params };
+        estimate = validate::judge(field, &params, ledger)?;
+        *rays += estimate.rays;
+    }
+    Ok(estimate)
 }
 
 /// A second judgement is by this many times as many points.

@@ -7,6 +7,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use super::values;
 use crate::basis::Basis;
 use crate::links::points::Operator;
+use crate::output::viewer;
 
 /// Diffuse global illumination by meshless hierarchical radiosity.
 #[derive(Debug, Parser)]
@@ -85,6 +86,8 @@ pub enum Verb {
     Render(Render),
     /// Answer with other lights and albedos from a job, without new rows
     Relight(Relight),
+    /// Show a job in a browser, and solve there for other albedos, moved lamps and a turned sky
+    View(View),
     /// Show what a job holds: counts, bytes, timings, and pictures of it with --plot
     Inspect(Inspect),
     /// Recompute every checksum and invariant of a job; name what is damaged, and make it anew with --repair
@@ -258,6 +261,20 @@ pub struct Relight {
     /// File to write: .ply, .glb, .png or .exr; .csv with --points; frame_####.png with --animate
     #[arg(short, long, value_name = "FILE", required_unless_present = "points")]
     pub output: Option<PathBuf>,
+}
+
+/// `view JOB`
+#[derive(Debug, Args)]
+pub struct View {
+    /// A baked job directory; it is not changed
+    #[arg(value_name = "JOB")]
+    pub job: PathBuf,
+    /// Port of 127.0.0.1 to serve at; 0 is any that is free
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub port: u16,
+    /// Vertices that a scene of few is cut to; fewer are solved sooner
+    #[arg(long, value_name = "N", default_value_t = viewer::VERTICES as u64, value_parser = values::count)]
+    pub vertices: u64,
 }
 
 /// `inspect JOB`

@@ -89,6 +89,7 @@ fn run(verb: &Verb, console: &Console) -> Result<()> {
         Verb::Export(request) => verbs::export::run(request, console),
         Verb::Render(request) => verbs::render::run(request, console),
         Verb::Relight(request) => verbs::relight::run(request, console),
+        Verb::View(request) => verbs::view::run(request, console),
         Verb::Inspect(request) => verbs::inspect::run(request, console),
         Verb::Verify(request) => verbs::verify::run(request, console),
         Verb::Chart(request) => verbs::chart::run(request, console),

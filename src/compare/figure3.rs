@@ -68,8 +68,14 @@ fn scene() -> Scene {
 pub fn write(folder: &Path, monitor: &dyn Monitor) -> Result<Vec<PathBuf>> {
     std::fs::create_dir_all(folder).map_err(|e| Error::io(folder, "making the folder", e))?;
     let scene = scene();
-    let target =
-        |error, basis, bounces| Target { error, seed: 1, bounces, basis, operator: Operator::default() };
+    let target = |error, basis, bounces| Target {
+        error,
+        seed: 1,
+        bounces,
+        basis,
+        operator: Operator::default(),
+        relightable: false,
+    };
     let bake = |target: Target| pipeline::reach(&scene, &target, monitor).map(|(model, ..)| model);
     let default = Basis::default();
     let converged = shot(&bake(target(CONVERGED, default, None))?, false, monitor)?;

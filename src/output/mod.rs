@@ -12,7 +12,7 @@ pub mod picture;
 pub mod ply;
 pub mod points;
 #[cfg(test)]
-mod synthetic;
+pub(crate) mod synthetic;
 pub mod transfers;
 pub mod vertices;
 pub mod viewer;

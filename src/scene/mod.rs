@@ -152,7 +152,7 @@ pub enum LampKind {
 }
 
 /// A pinhole camera in local coordinates.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Camera {
     /// The handle for `render --camera`.
     pub name: String,

@@ -213,17 +213,52 @@ impl Cycle {
 
     /// Adds the least-squares combination of the basis to `x`.
     pub(super) fn correct(&self, x: &mut [Rgb]) {
+        self.add(&self.weights(self.steps()), x);
+    }
+
+    /// Adds what is left, b + K·x − x of the corrected x: it is one bounce ahead then, for no product.
+    pub(super) fn add_residual(&self, x: &mut [Rgb]) {
         let k = self.steps();
-        let mut y = [vec![0.0; k], vec![0.0; k], vec![0.0; k]];
-        for (c, y) in y.iter_mut().enumerate() {
+        let left = |c: usize| {
+            let mut left = vec![0.0; k + 1];
+            left[k] = self.right[c][k];
+            for (i, (cos, sin)) in self.rotations[c].iter().enumerate().rev() {
+                (left[i], left[i + 1]) =
+                    (cos * left[i] - sin * left[i + 1], sin * left[i] + cos * left[i + 1]);
+            }
+            left
+        };
+        self.add(&std::array::from_fn(left), x);
+    }
+
+    /// The norm of what the last step changed of the combination: nearly the error before it, where steps help much.
+    pub(super) fn change(&self) -> [f64; 3] {
+        let k = self.steps();
+        let (now, before) = (self.weights(k), self.weights(k.saturating_sub(1)));
+        let square = |c: usize| {
+            let earlier = before[c].iter().copied().chain([0.0]);
+            now[c].iter().zip(earlier).map(|(a, b)| (a - b).powi(2)).sum::<f64>()
+        };
+        std::array::from_fn(|c| square(c).sqrt())
+    }
+
+    /// Per channel the weights of the first `k` directions that leave the least.
+    fn weights(&self, k: usize) -> [Vec<f64>; 3] {
+        let weights = |c: usize| {
+            let mut y = vec![0.0; k];
             for i in (0..k).rev() {
                 let known: f64 = (i + 1..k).map(|j| self.columns[c][j][i] * y[j]).sum();
                 let pivot = self.columns[c][i][i];
                 y[i] = if pivot.abs() > 0.0 { (self.right[c][i] - known) / pivot } else { 0.0 };
             }
-        }
-        for (j, v) in self.basis.iter().take(k).enumerate() {
-            let along = Rgb::new(y[0][j] as f32, y[1][j] as f32, y[2][j] as f32);
+            y
+        };
+        std::array::from_fn(weights)
+    }
+
+    fn add(&self, weights: &[Vec<f64>; 3], x: &mut [Rgb]) {
+        for (j, v) in self.basis.iter().take(weights[0].len()).enumerate() {
+            let along = Rgb::new(weights[0][j] as f32, weights[1][j] as f32, weights[2][j] as f32);
             x.iter_mut().zip(v).for_each(|(x, v)| *x += *v * along);
         }
     }

@@ -114,7 +114,8 @@ pub fn forecast(scene: Scene, options: &Options, monitor: &dyn Monitor) -> Resul
 fn fly(stand: Stand, options: &Options, factor: f64, watcher: &Watcher<'_>) -> Result<(Pilot, Model)> {
     let target = (factor * options.error).min(1.0);
     let Options { basis, operator, seed, .. } = *options;
-    let plan = Plan { target, basis, operator, ..Plan::new(AIM * target, seed) };
+    let relightable = options.is_relightable(&stand.scene);
+    let plan = Plan { target, basis, operator, relightable, ..Plan::new(AIM * target, seed) };
     let bounces = options.max_bounces.map(|n| n as usize);
     let (model, report) = pipeline::once(stand, &plan, bounces, watcher)?;
     let mut stages =

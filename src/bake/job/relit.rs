@@ -10,14 +10,15 @@ use crate::bake::options::Options;
 use crate::bake::pipeline::{self, PipelineReport, leaf_order};
 use crate::bake::report::progress::{Monitor, Stage};
 use crate::bake::store::{self, Purpose};
+use crate::bake::work::alone::Even;
 use crate::bake::work::look;
 use crate::error::Result;
 use crate::light::Rgb;
 use crate::links::Surroundings;
-use crate::links::lamps;
+use crate::links::lamps::{self, LampTree};
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
-use crate::sites::Sites;
+use crate::sites::{SiteId, Sites};
 
 /// The model of a finished job with the lights and albedos of `scene`, whose geometry is the same.
 ///
@@ -34,6 +35,7 @@ pub fn solve(
 ) -> Result<(Model, PipelineReport)> {
     let mut report = PipelineReport::default();
     let stage = Stage::start(monitor, "links", "sites", None);
+    let relightable = options.is_relightable(&scene);
     let plan = Plan::new(options.error, options.seed);
     let mut model = Model { scene, smooth: OnceLock::new(), ..store::read(job, Purpose::Light)? };
     let surface = Surface::new(&model.scene, leaf_order(&model.bvh));
@@ -46,7 +48,10 @@ pub fn solve(
     model.bvh = proxy;
     let Model { scene, bvh, graph, cells, .. } = &model;
     let around = Surroundings { scene, bvh, sites: &sites, graph, cells };
-    let (direct, rays) = look(around, (&samples, &lamps), &model.field.direct, ledger)?;
+    let mut even = Even::new(scene, &lamps, relightable);
+    even.level(&mut LampTree::new(&even.lamps), (0..sites.len()).map(|s| sites.point(SiteId(s as u32))));
+    let (mut direct, rays) = look(around, (&samples, &even.lamps), &model.field.direct, ledger)?;
+    direct.relight(&lamps);
     model.direct = direct;
     model.bvh = model.bvh.with_near(near);
     (model.lamps, model.sites) = (lamps, sites);

@@ -385,7 +385,8 @@ impl Bake<'_> {
         }
         let Options { error, seed, basis, operator, .. } = *self.options;
         let bounces = self.options.max_bounces.map(|n| n as usize);
-        let target = Target { error, seed, bounces, basis, operator };
+        let relightable = self.options.is_relightable(&scene);
+        let target = Target { error, seed, bounces, basis, operator, relightable };
         self.budget.ask("the ray engine", Stand::bytes(&scene))?;
         let (stand, built) = Stand::new(scene, self.monitor)?;
         stages.push(built);
@@ -468,6 +469,7 @@ fn figures(
         archive_bytes: stored.archive_bytes,
         bytes_per_link: stored.row_bytes as f64 / stored.links.max(1) as f64,
         estimated_error: report.estimate.error,
+        lights: report.lights.clone(),
         iterations: report.iterate.iterations as u32,
         residual: report.iterate.residual,
         converged: report.iterate.converged,

@@ -1,7 +1,7 @@
 //! The lights of a lighting, each by itself.
 
-use super::lighting::{Lighting, with_strength};
-use super::origins::{Origin, is_lit};
+use super::lighting::{Lighting, SkyLight, with_strength};
+use super::origins::{Origin, is_lit, tint};
 use crate::light::Rgb;
 use crate::scene::Scene;
 
@@ -21,10 +21,39 @@ pub struct Alone {
 impl Lighting {
     /// The lights that are lit, each alone: their sum is this lighting.
     pub fn apart(&self, scene: &Scene) -> Vec<Alone> {
-        let meshes = (0..self.meshes.len()).map(Origin::Mesh);
-        let lamps = (0..self.lamps.len()).map(Origin::Lamp);
-        let lit = meshes.chain(lamps).chain([Origin::Sky]).filter(|origin| is_lit(self, *origin));
+        let lit = self.origins().filter(|origin| is_lit(self, *origin));
         lit.map(|origin| self.alone(scene, origin)).collect()
+    }
+
+    /// What multiplies each light's unit, by channel: meshes, lamps and the sky, in this order, those that are dark included.
+    pub fn tints(&self) -> Vec<Rgb> {
+        self.origins().map(|origin| tint(self, origin)).collect()
+    }
+
+    /// The same with other tints. Lightings that are equal with equal tints are sums of the same units.
+    #[must_use]
+    pub fn with_tints(&self, tints: &[Rgb]) -> Self {
+        let mut lighting = self.clone();
+        let (meshes, others) = tints.split_at(self.meshes.len());
+        lighting.meshes.iter_mut().zip(meshes).for_each(|(mesh, tint)| mesh.radiance = *tint);
+        lighting.lamps.iter_mut().zip(others).for_each(|(lamp, tint)| *lamp = with_strength(lamp, *tint));
+        let sky = lighting.sky.get_or_insert(SkyLight::DARK);
+        sky.constant = sky.constant.map(|_| Rgb::ONE);
+        sky.tint = others.last().copied().unwrap_or_default();
+        lighting
+    }
+
+    /// A light by its number among the tints, alone and as bright as one.
+    pub fn unit(&self, scene: &Scene, number: usize) -> Option<Alone> {
+        let origin = self.origins().nth(number)?;
+        let mut tints = vec![Rgb::ZERO; self.meshes.len() + self.lamps.len() + 1];
+        tints[number] = Rgb::ONE;
+        Some(self.with_tints(&tints).alone(scene, origin))
+    }
+
+    fn origins(&self) -> impl Iterator<Item = Origin> + use<> {
+        let (meshes, lamps) = (0..self.meshes.len(), 0..self.lamps.len());
+        meshes.map(Origin::Mesh).chain(lamps.map(Origin::Lamp)).chain([Origin::Sky])
     }
 
     fn alone(&self, scene: &Scene, origin: Origin) -> Alone {
@@ -38,11 +67,7 @@ impl Lighting {
         if let Some(sky) = lighting.sky.as_mut().filter(|_| origin != Origin::Sky) {
             sky.tint = Rgb::ZERO;
         }
-        let (name, mesh) = match origin {
-            Origin::Mesh(k) => (scene.meshes[k].name.clone(), Some(k)),
-            Origin::Lamp(k) => (scene.lamps[k].name.clone(), None),
-            Origin::Sky | Origin::Harmonic(_) => ("sky".to_owned(), None),
-        };
-        Alone { name, mesh, is_sky: origin == Origin::Sky, lighting }
+        let mesh = if let Origin::Mesh(k) = origin { Some(k) } else { None };
+        Alone { name: origin.name(scene).to_owned(), mesh, is_sky: origin == Origin::Sky, lighting }
     }
 }

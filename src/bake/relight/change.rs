@@ -1,7 +1,7 @@
 //! What a change of lights asks of the links: a sky split anew, lamps that are looked at.
 
 use super::lighting::{SkyLight, with_strength};
-use super::origins::{Origin, is_lit, lamp_strength, origin_of};
+use super::origins::{Origin, is_lit, lamp_strength, origin_of, switches};
 use super::relink::{Wanted, relink};
 use super::{Lighting, RelightReport, Relighter};
 use crate::archive::{Ledger, Pause};
@@ -54,22 +54,21 @@ impl Relighter {
         if !wanted.iter().any(Wanted::is_new) {
             return Ok(());
         }
-        let (sites, samples) = self.settled();
+        self.settled();
+        let Some((sites, samples)) = self.settled.get() else { unreachable!("settled above") };
         let ledger = Ledger::idle(pause);
-        let (rays, linked) = relink(&mut self.model, &wanted, (&sites, &samples), &ledger)?;
+        let (rays, linked) = relink(&mut self.model, &wanted, (sites, samples), &ledger)?;
         (report.rays, self.linked) = (rays, linked);
         self.arriving.forget_lamps();
         Ok(())
     }
 
     fn warn_of_new(&self, report: &mut RelightReport) {
-        let fresh = |o: &Origin| is_lit(&self.now, *o) && !is_lit(&self.baked_lighting, *o);
+        let known = if self.switched { switches(&self.baked) } else { Vec::new() };
+        let new = |o: &Origin| !is_lit(&self.baked_lighting, *o) && !known.contains(o);
+        let fresh = |o: &Origin| is_lit(&self.now, *o) && new(o);
         for origin in self.origins().into_iter().filter(fresh) {
-            let name = match origin {
-                Origin::Mesh(k) => &self.baked.meshes[k].name,
-                Origin::Lamp(k) => &self.baked.lamps[k].name,
-                Origin::Sky | Origin::Harmonic(_) => "sky",
-            };
+            let name = origin.name(&self.baked);
             report.warnings.push(format!(
                 "{name} gave no light when baked: sites lie where the light of then asked for them; bake with it lit for the error \
                  target to hold"

@@ -131,7 +131,7 @@ impl Keys {
     /// The camera of a frame, given the one that holds where keys say nothing.
     pub fn camera(&self, frame: u32, base: &Camera) -> Camera {
         let (a, b, share) = self.around(frame);
-        let between = |of: &dyn Fn(&Key) -> Vec3| of(a).lerp(of(b), share);
+        let between = |of: &dyn Fn(&Key) -> Vec3| between(of(a), of(b), share);
         let fov = |key: &Key| key.fov.unwrap_or(base.fov_degrees);
         Camera {
             eye: between(&|key| key.eye.unwrap_or(base.eye)),
@@ -153,10 +153,10 @@ impl Lighting {
             return other.clone();
         }
         let mesh = |(a, b): (&MeshLight, &MeshLight)| MeshLight {
-            radiance: a.radiance.lerp(b.radiance, share),
+            radiance: between(a.radiance, b.radiance, share),
             paint: match (a.paint, b.paint) {
-                (Paint::Plain(a), Paint::Plain(b)) => Paint::Plain(a.lerp(b, share)),
-                (Paint::Scaled(a), Paint::Scaled(b)) => Paint::Scaled(a.lerp(b, share)),
+                (Paint::Plain(a), Paint::Plain(b)) => Paint::Plain(between(a, b, share)),
+                (Paint::Scaled(a), Paint::Scaled(b)) => Paint::Scaled(between(a, b, share)),
                 (a, _) => a,
             },
         };
@@ -185,8 +185,13 @@ impl SkyLight {
     }
 }
 
+/// A share of the way from `a` to `b`. What does not change stays to the last bit: neither lamps nor the camera have moved then.
+fn between(a: Vec3, b: Vec3, share: f32) -> Vec3 {
+    if a == b { a } else { a.lerp(b, share) }
+}
+
 fn lamp_toward(a: &LampKind, b: &LampKind, share: f32) -> LampKind {
-    let light: Rgb = strength(a).lerp(strength(b), share);
+    let light: Rgb = between(strength(a), strength(b), share);
     let turned = |a: Vec3, b: Vec3| a.lerp(b, share).try_normalize().unwrap_or(a);
     let mut lamp = with_strength(a, light);
     match (&mut lamp, b) {
@@ -194,13 +199,13 @@ fn lamp_toward(a: &LampKind, b: &LampKind, share: f32) -> LampKind {
             *direction = turned(*direction, *to);
         }
         (LampKind::Point { position, .. }, LampKind::Point { position: to, .. }) => {
-            *position = position.lerp(*to, share);
+            *position = between(*position, *to, share);
         }
         (
             LampKind::Spot { position, direction, .. },
             LampKind::Spot { position: to, direction: toward, .. },
         ) => {
-            *position = position.lerp(*to, share);
+            *position = between(*position, *to, share);
             if direction != toward {
                 *direction = turned(*direction, *toward);
             }

@@ -264,7 +264,7 @@ impl SkyLight {
     }
 
     /// The sky that this is, given the one that was baked; its tint left out.
-    pub(super) fn untinted(&self, baked: &Sky, up: Vec3) -> Sky {
+    pub(in crate::bake) fn untinted(&self, baked: &Sky, up: Vec3) -> Sky {
         if let (None, Some(own)) = (self.constant, &self.image) {
             let to_image = sky::to_image(up, self.rotate_degrees);
             return Sky::Image { image: Arc::clone(&own.texture), to_image };
@@ -295,7 +295,7 @@ pub(super) fn strength(kind: &LampKind) -> Rgb {
 }
 
 /// The same lamp with another strength.
-pub(super) fn with_strength(kind: &LampKind, strength: Rgb) -> LampKind {
+pub(in crate::bake) fn with_strength(kind: &LampKind, strength: Rgb) -> LampKind {
     let mut kind = *kind;
     match &mut kind {
         LampKind::Sun { irradiance: own, .. }

@@ -38,6 +38,7 @@ pub use answers::EachSky;
 pub use apart::Alone;
 use arriving::Arriving;
 pub use keys::Keys;
+pub(super) use lighting::with_strength;
 pub use lighting::{Lighting, MeshLight, Paint, SkyImage, SkyLight};
 use mixture::Mixture;
 pub(super) use origins::Origin;
@@ -124,6 +125,8 @@ pub struct Relighter {
     mixture: Option<Mixture>,
     links: OnceLock<Links>,
     arriving: Arriving,
+    /// The sites as they are settled, made when first asked for.
+    settled: OnceLock<(Sites, Samples)>,
     transfers: Vec<(Origin, Transfer)>,
     /// Those that the job holds, of the albedos that were baked.
     stored: Option<Stored>,
@@ -131,6 +134,8 @@ pub struct Relighter {
     stale: Vec<(Origin, Transfer)>,
     /// Whether scene, lamps and glow of the model are those of `now`.
     synced: bool,
+    /// Whether each light was refined against by itself, those that were off included.
+    switched: bool,
     /// Whether the model's solution is all there, not its radiosity and irradiance alone.
     whole: bool,
 }
@@ -155,7 +160,8 @@ impl Relighter {
         let plan = Plan::new(options.error, options.seed);
         let bounces = options.max_bounces.map(|n| n as usize);
         let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
-        Ok(Self::new(store::read(job, Purpose::Light)?, params))
+        let relighter = Self::new(store::read(job, Purpose::Light)?, params);
+        Ok(Self { switched: options.is_relightable(&relighter.baked), ..relighter })
     }
 
     /// From a model that holds its rows.
@@ -174,7 +180,7 @@ impl Relighter {
         let lighting = Lighting::of(scene);
         let (lamps, glowing) = lamps::split(scene);
         let bright = lamps.into_iter().find(|lamp| matches!(lamp.shape, Shape::Sky(_)));
-        let linked = model.lamps.iter().map(|lamp| mean_channel(lamp.strength) > 0.0).collect();
+        let linked = linked(&model);
         let mut relighter = Self {
             params,
             baked,
@@ -190,10 +196,12 @@ impl Relighter {
             mixture: None,
             links: OnceLock::new(),
             arriving: Arriving::default(),
+            settled: OnceLock::new(),
             transfers: Vec::new(),
             stored: None,
             stale: Vec::new(),
             synced: true,
+            switched: false,
             whole: true,
             model,
         };
@@ -251,7 +259,8 @@ impl Relighter {
         self.model().field().evaluate(points)
     }
 
-    /// Solves for each light by itself, those that were lit when baked and those that are now; from then on other strengths are
+    /// Solves for each light by itself: those that were lit when baked, those that are now, and those that were off in a bake that
+    /// is meant for relighting; from then on other strengths are
     /// sums. New albedos make it all void.
     ///
     /// Cost: a bake's solution for every five lights.
@@ -267,7 +276,8 @@ impl Relighter {
     /// # Errors
     /// What `pause` says.
     pub fn prepare_with(&mut self, pause: Pause<'_>) -> Result<RelightReport> {
-        let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o);
+        let off = if self.switched { switches(&self.baked) } else { Vec::new() };
+        let lit = |o: &Origin| is_lit(&self.now, *o) || is_lit(&self.baked_lighting, *o) || off.contains(o);
         let order = self.now.sky.as_ref().and_then(|sky| sky.harmonics);
         let by_harmonics = |o: &Origin| *o == Origin::Sky && order.is_some();
         let wanted = self.origins().into_iter().filter(|o| lit(o) && self.is_linked(*o) && !by_harmonics(o));
@@ -319,10 +329,11 @@ impl Relighter {
         (self.synced, self.whole) = (false, false);
         self.turn_sky();
         self.warn_of_image(&before, &mut report);
-        self.link(&before, &mut report, pause)?;
+        // First what no pause interrupts: `now` holds already.
         if painted {
             self.paint(&before);
         }
+        self.link(&before, &mut report, pause)?;
         let coefficients = self.sky_coefficients();
         self.recall_all(coefficients.as_deref())?;
         let transfer = |&(origin, light): &(Origin, Rgb)| {
@@ -437,10 +448,13 @@ impl Relighter {
         self.stale.retain(|(own, _)| *own != origin);
     }
 
-    fn settled(&self) -> (Sites, Samples) {
-        let model = &self.model;
-        let surface = Surface::new(&model.scene, leaf_order(&model.bvh));
-        Sites::settle(model.sites.to_arrays(), &surface, &model.plots, self.params.seed)
+    /// Sites with the samples that speak for them. Memory: of a bake's, which is kept.
+    fn settled(&self) -> &(Sites, Samples) {
+        let settle = |model: &Model| {
+            let surface = Surface::new(&model.scene, leaf_order(&model.bvh));
+            Sites::settle(model.sites.to_arrays(), &surface, &model.plots, self.params.seed)
+        };
+        self.settled.get_or_init(|| settle(&self.model))
     }
 
     fn mixture(&mut self) -> &Mixture {
@@ -448,7 +462,7 @@ impl Relighter {
             // Of the albedos that were baked.
             let meshes = std::mem::replace(&mut self.model.scene.meshes, self.baked.meshes.clone());
             let (sites, samples) = self.settled();
-            self.mixture = Some(Mixture::new(&self.model.scene, &sites, &samples));
+            self.mixture = Some(Mixture::new(&self.model.scene, sites, samples));
             self.model.scene.meshes = meshes;
         }
         self.mixture.as_ref().expect("made above")
@@ -509,4 +523,17 @@ impl Relighter {
         }
         self.synced = true;
     }
+}
+
+/// Per lamp, whether links to it are known: it was lit, or looked at all the same by a bake that is meant for relighting.
+fn linked(model: &Model) -> Vec<bool> {
+    let mut linked: Vec<bool> = model.lamps.iter().map(|lamp| mean_channel(lamp.strength) > 0.0).collect();
+    let tree = &model.direct.tree;
+    let mut met = vec![false; tree.clusters.len()];
+    let links = model.direct.links.iter().filter(|link| link.coupling > 0.0);
+    links.for_each(|link| met[link.cluster as usize] = true);
+    for (c, _) in met.iter().enumerate().filter(|(_, met)| **met) {
+        tree.units_of(c).iter().for_each(|unit| linked[unit.lamp as usize] = true);
+    }
+    linked
 }

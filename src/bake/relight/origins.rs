@@ -20,6 +20,17 @@ pub(in crate::bake) enum Origin {
     Harmonic(usize),
 }
 
+impl Origin {
+    /// What the scene calls it; `sky` for light from outside.
+    pub(in crate::bake) fn name(self, scene: &Scene) -> &str {
+        match self {
+            Self::Mesh(k) => &scene.meshes[k].name,
+            Self::Lamp(k) => &scene.lamps[k].name,
+            Self::Sky | Self::Harmonic(_) => "sky",
+        }
+    }
+}
+
 /// The lights of a scene that may be switched: meshes that emit; lamps and sky, though they be off.
 pub(in crate::bake) fn switches(scene: &Scene) -> Vec<Origin> {
     let emits = |m: &usize| scene.meshes[*m].radiance.max_element() > 0.0;
@@ -29,7 +40,7 @@ pub(in crate::bake) fn switches(scene: &Scene) -> Vec<Origin> {
 }
 
 /// Which light of the scene a lamp is.
-pub(super) fn origin_of(lamps: &[Lamp], lamp: usize) -> Origin {
+pub(in crate::bake) fn origin_of(lamps: &[Lamp], lamp: usize) -> Origin {
     match &lamps[lamp].shape {
         Shape::Emitter(emitter) => Origin::Mesh(emitter.mesh),
         Shape::Sky(_) => Origin::Sky,
@@ -41,7 +52,7 @@ pub(super) fn origin_of(lamps: &[Lamp], lamp: usize) -> Origin {
 }
 
 /// What multiplies a light's unit.
-pub(super) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
+pub(in crate::bake) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
     match origin {
         Origin::Mesh(k) => lighting.meshes[k].radiance,
         Origin::Lamp(k) => strength(&lighting.lamps[k]),
@@ -52,25 +63,25 @@ pub(super) fn tint(lighting: &Lighting, origin: Origin) -> Rgb {
 }
 
 /// The strength of the lamp that a light is: exitance of a mesh.
-pub(super) fn lamp_strength(lighting: &Lighting, origin: Origin) -> Rgb {
+pub(in crate::bake) fn lamp_strength(lighting: &Lighting, origin: Origin) -> Rgb {
     let unit = if matches!(origin, Origin::Mesh(_)) { std::f32::consts::PI } else { 1.0 };
     tint(lighting, origin) * unit
 }
 
 /// Per mesh the exitance that rows meet.
-pub(super) fn glow(lighting: &Lighting, glowing: &[bool]) -> Vec<Rgb> {
+pub(in crate::bake) fn glow(lighting: &Lighting, glowing: &[bool]) -> Vec<Rgb> {
     let exitance = |(mesh, glows): (&MeshLight, &bool)| {
         if *glows { mesh.radiance * std::f32::consts::PI } else { Rgb::ZERO }
     };
     lighting.meshes.iter().zip(glowing).map(exitance).collect()
 }
 
-pub(super) fn is_lit(lighting: &Lighting, origin: Origin) -> bool {
+pub(in crate::bake) fn is_lit(lighting: &Lighting, origin: Origin) -> bool {
     tint(lighting, origin).max_element() > 0.0
 }
 
 /// A sky times a colour.
-pub(super) fn tinted(sky: &Sky, by: Rgb) -> Sky {
+pub(in crate::bake) fn tinted(sky: &Sky, by: Rgb) -> Sky {
     match sky {
         _ if by == Rgb::ONE => sky.clone(),
         Sky::Constant(radiance) => Sky::Constant(*radiance * by),

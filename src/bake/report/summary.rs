@@ -22,6 +22,15 @@ pub struct StageTime {
     pub cpu_seconds: f64,
 }
 
+/// How well the light of one light of a scene is known.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct LightEstimate {
+    /// What the scene calls it; several where there are many.
+    pub name: String,
+    /// Relative RMS error of irradiance.
+    pub error: f64,
+}
+
 /// The figures of a finished bake. All numbers are finite; shares of nothing are 0.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Summary {
@@ -46,6 +55,9 @@ pub struct Summary {
     pub bytes_per_link: f64,
     /// The program's own estimate of the relative RMS error of irradiance.
     pub estimated_error: f64,
+    /// The same of each light by itself, relative to its own light, of a bake that is meant for relighting.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub lights: Vec<LightEstimate>,
     /// Iterations of the solver.
     pub iterations: u32,
     /// Relative residual reached.

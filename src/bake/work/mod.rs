@@ -1,5 +1,6 @@
 //! A bake under way: its receivers may still be split.
 
+pub mod alone;
 pub mod grading;
 pub mod refine;
 
@@ -9,6 +10,7 @@ use rayon::prelude::*;
 use crate::archive::{Ledger, One, Tag};
 use crate::bake::laws::Plan;
 use crate::bake::model::materials;
+use crate::bake::relight::mixture::Mixture;
 use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
@@ -22,7 +24,8 @@ use crate::scatter::Candidate;
 use crate::scatter::surface::Surface;
 use crate::scene::Scene;
 use crate::sites::{Cells, Neighbours, Plot, Samples, SiteId, SiteParams, Sites};
-use crate::solve::{Problem, Solution};
+use crate::solve::field::{self, Smooth};
+use crate::solve::{Field, Problem, Solution};
 
 /// What stays fixed all along.
 #[derive(Clone, Copy)]
@@ -57,6 +60,8 @@ pub struct Layout {
     pub means: Vec<SurfacePoint>,
     /// Lamp links.
     pub direct: Direct,
+    /// Which meshes each site stands for, where lights are to be known one by one.
+    pub mixture: Option<Mixture>,
     /// Rays traced.
     pub rays: u64,
 }
@@ -94,7 +99,9 @@ impl Layout {
         let (albedo, exitance) = materials(scene, &sites, &samples, glowing);
         let around = Surroundings { scene, bvh, sites: &sites, graph: &graph, cells: &cells };
         let (direct, looked) = look(around, (&samples, lamps), &plan.direct, ledger)?;
-        Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, rays: linked + looked })
+        let mixture = plan.relightable.then(|| Mixture::new(scene, &sites, &samples));
+        let rays = linked + looked;
+        Ok(Self { sites, graph, cells, plots, albedo, exitance, means, direct, mixture, rays })
     }
 
     /// The rays' world.
@@ -167,6 +174,18 @@ impl Work<'_> {
             exitance: &self.layout.exitance,
             sky: self.layout.direct.sky.as_ref(),
         }
+    }
+
+    /// The function of a global basis.
+    pub fn smooth(&self) -> Option<Smooth> {
+        let basis = self.spread.basis;
+        basis.is_global().then(|| field::smooth(basis, &self.receivers, &self.solution))
+    }
+
+    /// The solution, ready to answer. `smooth` is that of now.
+    pub fn field<'a>(&'a self, plan: &Plan, smooth: &'a Option<Smooth>) -> Field<'a> {
+        let smooth = smooth.as_ref().map(AsRef::as_ref);
+        Field { problem: self.problem(), solution: &self.solution, params: plan.field(), smooth, judge: None }
     }
 
     /// The largest albedo channel of any site.

@@ -29,12 +29,13 @@ const PLACED_PER_SPLIT: usize = 2;
 /// A split adds about this many receivers.
 const MADE_BY_SPLIT: usize = 5;
 
-/// Splits receivers until the error of interpolation is within its budget; the solution is carried along.
+/// Splits receivers until the error of interpolation is within its budget; the solution is carried along. To be done before
+/// any [`own`]. About `room` receivers may be added.
 ///
 /// # Errors
 /// The ledger's.
-pub fn refine(work: &mut Work<'_>, plan: &Plan, ledger: &Ledger<'_>) -> Result<()> {
-    let most = work.receivers.len() + work.receivers.len() / PLACED_PER_SPLIT;
+pub fn split(work: &mut Work<'_>, plan: &Plan, room: usize, ledger: &Ledger<'_>) -> Result<()> {
+    let most = work.receivers.len() + room;
     for _ in 0..plan.passes {
         ledger.pause()?;
         let room = (most.saturating_sub(work.receivers.len()) / MADE_BY_SPLIT).min(work.receivers.len() / 4);
@@ -48,8 +49,20 @@ pub fn refine(work: &mut Work<'_>, plan: &Plan, ledger: &Ledger<'_>) -> Result<(
         };
         extend(work, split, ledger)?;
     }
-    // Sites that nobody speaks for with confidence, as in the clefts of a scan, get rows of their own. What is wrong with
-    // single sites mostly averages out over a row, as the noise of short rows does.
+    Ok(())
+}
+
+/// Receivers that splitting may add to those that geometry placed.
+pub fn room(work: &Work<'_>) -> usize {
+    work.receivers.len() / PLACED_PER_SPLIT
+}
+
+/// Gives rows of their own to sites that nobody speaks for with confidence, as in the clefts of a scan; the solution is carried
+/// along. What is wrong with single sites mostly averages out over a row, as the noise of short rows does.
+///
+/// # Errors
+/// The ledger's.
+pub fn own(work: &mut Work<'_>, plan: &Plan, ledger: &Ledger<'_>) -> Result<()> {
     // What is left after the first pass sees no receiver at all.
     for limit in [plan.site_error, f64::INFINITY] {
         ledger.pause()?;

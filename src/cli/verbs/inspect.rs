@@ -104,6 +104,9 @@ fn table(summary: &Summary) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(text, "{name:<16} {value}");
     }
+    for light in &summary.lights {
+        let _ = writeln!(text, "  {:<14} {:.2}% of its own light", light.name, 100.0 * light.error);
+    }
     for stage in &summary.stages {
         let (wall, cpu) = (show_seconds(stage.seconds), show_seconds(stage.cpu_seconds));
         let _ = writeln!(text, "  {:<14} {wall}, {cpu} of CPU", stage.name);

@@ -3,6 +3,7 @@
 pub mod bake;
 pub mod chart;
 pub mod export;
+pub mod films;
 pub mod inspect;
 pub mod packaging;
 pub mod page;
@@ -10,5 +11,6 @@ pub mod points;
 pub mod relight;
 pub mod render;
 pub mod verify;
+pub mod view;
 
 pub use super::destination::{Destination, Written};

@@ -23,6 +23,7 @@ pub fn measure(subject: &Subject, key: &Key, folder: &Path, monitor: &dyn Monito
                 bounces: None,
                 basis,
                 operator: Operator::default(),
+                relightable: false,
             };
             baked(subject, key, &target, (folder, monitor))
         }

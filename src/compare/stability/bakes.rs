@@ -33,8 +33,14 @@ pub fn planned(scene: Scene, error: f64, monitor: &dyn Monitor) -> Result<(Model
 
 /// As `glowtree bake --error` does it.
 pub fn asked(scene: &Scene, error: f64, seed: u64, monitor: &dyn Monitor) -> Result<(Model, PipelineReport)> {
-    let target =
-        Target { error, seed, bounces: None, basis: Basis::default(), operator: Operator::default() };
+    let target = Target {
+        error,
+        seed,
+        bounces: None,
+        basis: Basis::default(),
+        operator: Operator::default(),
+        relightable: false,
+    };
     let (model, _, report) = pipeline::reach(scene, &target, &Within(monitor))?;
     Ok((model, report))
 }

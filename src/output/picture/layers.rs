@@ -22,17 +22,43 @@ const REC709: Chromaticities = Chromaticities {
     white: Vec2(0.3127, 0.3290),
 };
 
-/// Bytes of a pixel before compression: 12 half channels and five floats.
+/// Bytes of a pixel before compression: 12 half channels and five floats; three half channels for each light.
 const PIXEL_BYTES: u64 = 12 * 2 + 5 * 4;
+const LIGHT_BYTES: u64 = 3 * 2;
+
+/// What one light alone brings to the camera: a layer `light.<name>`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LightLayer {
+    /// What the scene calls the light.
+    pub name: String,
+    /// Radiance of each pixel, W·m⁻²·sr⁻¹.
+    pub radiance: Vec<Vec3>,
+}
+
+/// Characters of a light's name: what old readers allow for a channel, 31, was too few for layers at all.
+const LONGEST_NAME: usize = 200;
 
 /// A channel's name, or its layer's, and what it holds.
 type Channel<T> = (&'static str, fn(&Pixel) -> T);
 
 /// Writes `R,G,B` (all that the camera sees), `direct.*` and `indirect.*` (which add up to it), `albedo.*` as half;
 /// `normal.X/Y/Z` (scene axes), `Z` (world units along the viewing axis, 1e10 for none) and `error` (standard error of
-/// the mean-channel radiance) as float. Radiances in W·m⁻²·sr⁻¹, not exposed. ZIP compression, 16 lines a block.
-pub fn write(path: &Path, film: &Film) -> Result<()> {
+/// the mean-channel radiance) as float; `light.<name>.*`, what each of `lights` brings, as half: they add up to `R,G,B`. Radiances in
+/// W·m⁻²·sr⁻¹, not exposed. Names of lights keep letters, digits, `-` and `_`; what else they hold becomes `_`, and equal names are
+/// numbered. ZIP compression, 16 lines a block.
+///
+/// # Panics
+/// When a light has not a value for each pixel.
+pub fn write(path: &Path, film: &Film, lights: &[LightLayer]) -> Result<()> {
     let mut channels = smallvec::SmallVec::new();
+    for (name, light) in sound_names(lights).iter().zip(lights) {
+        assert_eq!(light.radiance.len(), film.pixels.len(), "a value for each pixel of {name}");
+        for (k, channel) in ["R", "G", "B"].into_iter().enumerate() {
+            let samples = light.radiance.iter().map(|radiance| to_half(radiance[k])).collect();
+            let channel = format!("light.{name}.{channel}");
+            channels.push(AnyChannel::new(channel.as_str(), FlatSamples::F16(samples)));
+        }
+    }
     let colours: [Channel<Vec3>; 4] = [
         ("", Pixel::radiance),
         ("direct.", |p| p.direct),
@@ -68,12 +94,28 @@ pub fn write(path: &Path, film: &Film) -> Result<()> {
         AnyChannels::sort(channels),
     ));
     image.attributes.chromaticities = Some(REC709);
-    file::write_whole(path, film.pixels.len() as u64 * PIXEL_BYTES, |sink| {
+    let pixel_bytes = PIXEL_BYTES + LIGHT_BYTES * lights.len() as u64;
+    file::write_whole(path, film.pixels.len() as u64 * pixel_bytes, |sink| {
         image.write().to_buffered(sink).map_err(|e| match e {
             exr::error::Error::Io(source) => Error::io(path, "writing", source),
             other => Error::io(path, "encoding", std::io::Error::other(other.to_string())),
         })
     })
+}
+
+/// Names that stand in channels' names, where dots part layers; no two are equal.
+fn sound_names(lights: &[LightLayer]) -> Vec<String> {
+    let sound = |c: char| if c.is_alphanumeric() && c.is_ascii() || c == '-' { c } else { '_' };
+    let mut names: Vec<String> = Vec::with_capacity(lights.len());
+    for light in lights {
+        let name: String = light.name.chars().take(LONGEST_NAME).map(sound).collect();
+        let name = if name.is_empty() { "light".to_owned() } else { name };
+        let fresh = |name: &String| !names.contains(name);
+        let numbered = (2..).map(|k| format!("{name}_{k}"));
+        let found = std::iter::once(name.clone()).chain(numbered).find(fresh);
+        names.push(found.unwrap_or(name));
+    }
+    names
 }
 
 /// To half precision, clamped to its largest finite value.
@@ -100,7 +142,11 @@ mod tests {
         let film = Film { width: 3, height: 2, pixels: vec![pixel; 6] };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        write(&path, &film).unwrap();
+        let lights = ["lamp", "a.b/ü", "a b ü", ""].map(|name| {
+            let radiance = vec![Vec3::new(0.5, 0.25, 2.0); 6];
+            LightLayer { name: name.into(), radiance }
+        });
+        write(&path, &film, &lights).unwrap();
         let image = read()
             .no_deep_data()
             .largest_resolution_level()
@@ -110,12 +156,18 @@ mod tests {
         let image = image.from_file(&path).unwrap();
         assert_eq!(image.attributes.chromaticities, Some(REC709));
         let channels = &image.layer_data.channel_data.list;
-        assert_eq!(channels.len(), 17);
+        assert_eq!(channels.len(), 17 + 4 * 3);
         let value = |name: &str| {
             let channel = channels.iter().find(|c| c.name.to_string() == name).unwrap();
             let half = matches!(channel.sample_data, FlatSamples::F16(_));
             (channel.sample_data.value_by_flat_index(0).to_f32(), half)
         };
+        for name in ["light.lamp", "light.a_b__", "light.a_b___2", "light.light"] {
+            assert_eq!(
+                (value(&format!("{name}.R")), value(&format!("{name}.B"))),
+                ((0.5, true), (2.0, true))
+            );
+        }
         // Halves hold 0.75, 1.25 and 65504 exactly.
         assert_eq!((value("R"), value("G"), value("B")), ((0.75, true), (1.25, true), (65504.0, true)));
         assert_eq!(

@@ -4,10 +4,13 @@ pub mod camera;
 pub mod film;
 pub mod framing;
 pub mod layers;
+pub mod lights;
 pub mod png;
 pub mod render;
 
 pub use camera::Pinhole;
 pub use film::Film;
 pub use framing::{View, frame};
+pub use layers::LightLayer;
+pub use lights::LightFilm;
 pub use render::{Quality, render};

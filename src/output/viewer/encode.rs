@@ -18,6 +18,34 @@ pub fn shared_exponent(colour: Rgb) -> u32 {
     red | green << 9 | blue << 18 | (exponent as u32) << 27
 }
 
+/// A colour at each vertex, as the page's textures hold it.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Layer {
+    /// What the page multiplies it by.
+    pub scale: f32,
+    /// RGB9_E5, little-endian.
+    pub words: Vec<u8>,
+}
+
+impl Layer {
+    /// Colours that are within [0, 1] already.
+    pub fn plain(colours: &[Rgb]) -> Self {
+        Self::over(colours, 1.0)
+    }
+
+    /// Over their largest channel.
+    pub fn scaled(colours: &[Rgb]) -> Self {
+        let most = colours.iter().map(|c| c.max_element()).filter(|c| c.is_finite()).fold(0.0, f32::max);
+        Self::over(colours, if most > 0.0 { most } else { 1.0 })
+    }
+
+    fn over(colours: &[Rgb], scale: f32) -> Self {
+        let over = 1.0 / scale;
+        let words = colours.iter().flat_map(|&c| shared_exponent(c * over).to_le_bytes());
+        Self { scale, words: words.collect() }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -22,8 +22,9 @@ const SAME_COSINE: f32 = 0.999_99;
 const BISECTIONS: u32 = 16;
 
 /// How far from a rim towards the middle of a triangle light is asked for: on the very line where two walls meet, each
-/// hides the other's lamps. A hundredth of a triangle is not seen.
-const WITHIN: f32 = 0.01;
+/// hides the other's lamps, and next to it rays end on the other's far side. At a hundredth of a triangle a block on a floor
+/// had dark spots along its foot; what happens within a quarter of one is not told by its vertices anyway.
+const WITHIN: f32 = 0.25;
 
 /// What the viewer draws: points with a side, their material, and triangles between them.
 #[derive(Debug, Clone, Default)]
@@ -280,11 +281,11 @@ mod tests {
         // 40,000 areas of 1.5e-4 are summed in single precision: each sum rounds by 6 · 6e-8, at random.
         assert!((area(&mesh) - 6.0).abs() < 1e-3, "{}", area(&mesh));
         assert!(mesh.points.iter().all(|p| p.normal.abs().max_element() > 0.999_99));
-        // Rims of the six walls are asked for within; nothing else is. 1 % of a third of an edge of 0.03 or less.
+        // Rims of the six walls are asked for within; nothing else is. A quarter of two thirds of an edge of 0.03 or less.
         let moved = |(p, a): (&SurfacePoint, &SurfacePoint)| p.position.distance(a.position);
         for (pair, point) in mesh.points.iter().zip(&mesh.asked).map(|pair| (moved(pair), pair.0.position)) {
             let rim = point.to_array().iter().filter(|x| **x == 0.0 || **x == 1.0).count() > 1;
-            assert!(if rim { pair > 0.0 && pair < 1.0e-3 } else { pair == 0.0 }, "{point} moved by {pair}");
+            assert!(if rim { pair > 0.0 && pair < 6.0e-3 } else { pair == 0.0 }, "{point} moved by {pair}");
         }
         // Closed: each edge lies between two triangles, by places, for creases split their vertices.
         let mut sides: HashMap<[[u32; 3]; 2], i32> = HashMap::new();

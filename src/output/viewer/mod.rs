@@ -5,6 +5,7 @@
 //! each light's irradiance H at every vertex as textures; moving a slider changes w, some bytes a light, and nothing else.
 
 mod encode;
+mod hidden;
 pub mod mesh;
 mod page;
 
@@ -13,8 +14,10 @@ use crate::output::picture::View;
 use crate::scene::Scene;
 use crate::sites::Sites;
 
+pub use encode::Layer;
+pub use hidden::Seams;
 pub use mesh::ViewMesh;
-pub use page::write;
+pub use page::{served, write};
 
 /// Vertices that a scene of few is cut to: two pixels apart on a wall that fills the screen.
 pub const VERTICES: usize = 200_000;
@@ -22,8 +25,17 @@ pub const VERTICES: usize = 200_000;
 /// Sites that are shown at the most, those of the coarse levels first: more are no longer told apart.
 pub const MOST_SITES: usize = 300_000;
 
-/// Irradiance over the mean below which a vertex lies where no light comes, as within solids.
-const HIDDEN: f32 = 1.0e-4;
+/// Places of a turned sky that a page holds, so far as its vertices are few: the waves of light over a turn up to the fourth.
+const MOST_TURNS: usize = 9;
+
+/// Colours of turned skies in a page at the most: 32 MiB.
+const TURNED_COLOURS: usize = 8 << 20;
+
+/// Into how many parts a turn of the sky is cut for a page of so many vertices: odd; 1 where there is no room.
+pub fn turns(vertices: usize) -> usize {
+    let room = TURNED_COLOURS / vertices.max(1);
+    (room / 2 * 2 + 1).min(MOST_TURNS)
+}
 
 /// One light, by what it does at the vertices of a [`ViewMesh`].
 #[derive(Debug, Clone)]
@@ -32,10 +44,23 @@ pub struct ViewLight {
     pub name: String,
     /// What falls on each vertex at weight 1 by this light alone, all bounces together, W·m⁻².
     pub irradiance: Vec<Rgb>,
+    /// For a sky that may be turned: the same with the sky turned about the scene's up by each multiple but 0 of equal parts of a
+    /// full turn, an even number; else nothing.
+    pub turned: Vec<Vec<Rgb>>,
     /// The meshes of the scene whose own radiance is this light's.
     pub glowing: Vec<u32>,
     /// Whether the sky behind the scene is this light's.
     pub is_sky: bool,
+}
+
+impl ViewLight {
+    fn all(&self) -> impl Iterator<Item = &[Rgb]> {
+        [&self.irradiance].into_iter().chain(&self.turned).map(Vec::as_slice)
+    }
+
+    fn all_mut(&mut self) -> impl Iterator<Item = &mut Vec<Rgb>> {
+        [&mut self.irradiance].into_iter().chain(&mut self.turned)
+    }
 }
 
 /// What is known at the vertices of a [`ViewMesh`].
@@ -94,66 +119,55 @@ pub struct Picture<'a> {
 }
 
 impl Picture<'_> {
-    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
-    /// side's back is black, as it would be.
-    pub fn drop_dark_backs(&mut self) {
-        let dark = |v: u32| {
-            let v = v as usize;
-            let unlit = self.lit.lights.iter().all(|light| light.irradiance[v].max_element() <= 0.0);
-            unlit && self.scene.meshes[self.mesh.meshes[v] as usize].radiance == Rgb::ZERO
-        };
-        // Fronts and backs take turns.
-        let mut kept = Vec::new();
-        for pair in self.mesh.two_sided.chunks_exact(2) {
-            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
-                [_, true] => self.mesh.one_sided.push(pair[0]),
-                [true, false] => self.mesh.one_sided.push(pair[1]),
-                [false, false] => kept.extend_from_slice(pair),
-            }
-        }
-        self.mesh.two_sided = kept;
-        self.drop_unused();
-    }
-
     /// Gives vertices without light the mean of their neighbours' that have some: those under what stands on a surface would
     /// darken it as far as the next vertex.
     pub fn lighten_hidden(&mut self) {
-        let lit =
-            |v: usize| self.lit.lights.iter().map(|light| light.irradiance[v].max_element()).sum::<f32>();
-        let hidden: Vec<bool> = (0..self.mesh.points.len()).map(|v| lit(v) <= HIDDEN * self.level).collect();
-        let mut seams = Vec::new();
-        for triangle in self.mesh.one_sided.iter().chain(&self.mesh.two_sided) {
-            for &to in triangle.iter().filter(|&&v| hidden[v as usize]) {
-                seams.extend(triangle.iter().filter(|&&v| !hidden[v as usize]).map(|&from| (to, from)));
+        let lights: Vec<&[Rgb]> = self.lit.lights.iter().flat_map(ViewLight::all).collect();
+        let seams = Seams::new(&self.mesh, &lights, self.level);
+        self.lit.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| seams.lighten(light));
+    }
+}
+
+impl Lit {
+    /// Leaves out the turned triangles of two-sided meshes whose corners no light reaches, as within a solid: their other
+    /// side's back is black, as it would be. `scene` tells which meshes glow.
+    pub fn drop_dark_backs(&mut self, mesh: &mut ViewMesh, scene: &Scene) {
+        let dark = |v: u32| {
+            let v = v as usize;
+            let unlit = self.lights.iter().flat_map(ViewLight::all).all(|h| h[v].max_element() <= 0.0);
+            unlit && scene.meshes[mesh.meshes[v] as usize].radiance == Rgb::ZERO
+        };
+        // Fronts and backs take turns.
+        let (mut kept, mut alone) = (Vec::new(), Vec::new());
+        for pair in mesh.two_sided.chunks_exact(2) {
+            match [0, 1].map(|side| pair[side].iter().all(|&v| dark(v))) {
+                [_, true] => alone.push(pair[0]),
+                [true, false] => alone.push(pair[1]),
+                [false, false] => kept.extend_from_slice(pair),
             }
         }
-        seams.sort_unstable();
-        seams.dedup();
-        for light in &mut self.lit.lights {
-            for seam in seams.chunk_by(|a, b| a.0 == b.0) {
-                let sum: Rgb = seam.iter().map(|(_, from)| light.irradiance[*from as usize]).sum();
-                light.irradiance[seam[0].0 as usize] = sum / seam.len() as f32;
-            }
-        }
+        mesh.two_sided = kept;
+        mesh.one_sided.extend(alone);
+        self.drop_unused(mesh);
     }
 
     /// Leaves out the vertices that no triangle uses.
-    fn drop_unused(&mut self) {
-        let mut used = vec![false; self.mesh.points.len()];
-        let triangles = || self.mesh.one_sided.iter().chain(&self.mesh.two_sided);
-        triangles().flatten().for_each(|&v| used[v as usize] = true);
+    fn drop_unused(&mut self, mesh: &mut ViewMesh) {
+        let mut used = vec![false; mesh.points.len()];
+        let triangles = mesh.one_sided.iter().chain(&mesh.two_sided);
+        triangles.flatten().for_each(|&v| used[v as usize] = true);
         let mut next = 0;
         let place: Vec<u32> = used.iter().map(|&used| (next, next += u32::from(used)).0).collect();
-        for triangle in self.mesh.one_sided.iter_mut().chain(&mut self.mesh.two_sided) {
+        for triangle in mesh.one_sided.iter_mut().chain(&mut mesh.two_sided) {
             *triangle = triangle.map(|v| place[v as usize]);
         }
-        keep(&mut self.mesh.points, &used);
-        keep(&mut self.mesh.asked, &used);
-        keep(&mut self.mesh.albedo, &used);
-        keep(&mut self.mesh.meshes, &used);
-        keep(&mut self.lit.ambient, &used);
-        keep(&mut self.lit.error, &used);
-        self.lit.lights.iter_mut().for_each(|light| keep(&mut light.irradiance, &used));
+        keep(&mut mesh.points, &used);
+        keep(&mut mesh.asked, &used);
+        keep(&mut mesh.albedo, &used);
+        keep(&mut mesh.meshes, &used);
+        keep(&mut self.ambient, &used);
+        keep(&mut self.error, &used);
+        self.lights.iter_mut().flat_map(ViewLight::all_mut).for_each(|light| keep(light, &used));
     }
 }
 
@@ -161,44 +175,4 @@ impl Picture<'_> {
 fn keep<T>(values: &mut Vec<T>, used: &[bool]) {
     let mut used = used.iter();
     values.retain(|_| used.next().is_some_and(|&used| used));
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::output::picture::frame;
-    use crate::output::synthetic;
-    use crate::rays::Bvh;
-
-    #[test]
-    fn hidden_vertices_take_the_light_beside_them() {
-        let scene = synthetic::square();
-        let mesh = ViewMesh::new(&scene, 2_000);
-        let hidden: Vec<bool> = mesh.points.iter().map(|point| point.position.x < 0.5).collect();
-        let light = |hides: &bool| if *hides { Rgb::ZERO } else { Rgb::ONE };
-        let irradiance = hidden.iter().map(light).collect();
-        let lights = vec![ViewLight { name: "sun".into(), irradiance, glowing: vec![], is_sky: false }];
-        let zeros = vec![0.0; hidden.len()];
-        let lit = Lit { lights, ambient: zeros.clone(), error: zeros };
-        let view = frame(&scene, &Bvh::build(&scene), [8, 8]);
-        let mut picture = Picture {
-            title: String::new(),
-            scene: &scene,
-            mesh,
-            lit,
-            dots: vec![],
-            view,
-            exposure: 1.0,
-            level: 1.0,
-        };
-        picture.lighten_hidden();
-        let light = &picture.lit.lights[0].irradiance;
-        let crosses =
-            |t: &&[u32; 3]| [true, false].iter().all(|side| t.iter().any(|&v| hidden[v as usize] == *side));
-        let mut seam = picture.mesh.one_sided.iter().filter(crosses).peekable();
-        assert!(seam.peek().is_some() && seam.all(|t| t.iter().all(|&v| light[v as usize] == Rgb::ONE)));
-        let dark = light.iter().filter(|light| **light == Rgb::ZERO).count();
-        // Half the square, but for a seam.
-        assert!(2 * dark > light.len() * 8 / 10 && dark < light.len() / 2 + 100, "{dark} of {}", light.len());
-    }
 }

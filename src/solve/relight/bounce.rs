@@ -49,9 +49,8 @@ pub fn bounce(
         let own = sources.get(part * ABREAST..).unwrap_or_default();
         match lights {
             [one] => {
-                let radiosity =
-                    transport.pull(&transport.push(one), own.first().map(|source| &source.own[..]));
-                images.push(gather_one(links, &radiosity, transport.receivers.len()));
+                let slots = reflected_one(transport, one, own.first());
+                images.push(gather_one(links, &slots, transport.receivers.len()));
             }
             several => {
                 let lines = reflected(transport, several, own);
@@ -91,10 +90,19 @@ fn gather(links: &Links, lines: &[Line], (receivers, lights): (usize, usize)) ->
     (0..lights).map(|l| sums.par_iter().with_min_len(4096).map(|sum| sum.colour(l)).collect()).collect()
 }
 
-/// G·B of one light.
-fn gather_one(links: &Links, radiosity: &[Rgb], receivers: usize) -> Vec<Rgb> {
-    let slot = |b: &Rgb| Slot([b.x, b.y, b.z, 0.0]);
-    let slots: Vec<Slot> = radiosity.par_iter().with_min_len(1 << 14).map(slot).collect();
+/// Radiosity of the sites under one light.
+fn reflected_one(transport: &Transport<'_>, light: &[Rgb], source: Option<&Source>) -> Vec<Slot> {
+    let site = |s: usize| {
+        let near = transport.spread.receivers_of(s).iter().zip(transport.spread.weights_of(s));
+        let irradiance: Rgb = near.map(|(&r, &w)| light[r as usize] * w).sum();
+        let b = transport.albedo[s] * irradiance + source.map_or(Rgb::ZERO, |source| source.own[s]);
+        Slot([b.x, b.y, b.z, 0.0])
+    };
+    (0..transport.albedo.len()).into_par_iter().with_min_len(1024).map(site).collect()
+}
+
+/// G·B of one light, from the sites' slots.
+fn gather_one(links: &Links, slots: &[Slot], receivers: usize) -> Vec<Rgb> {
     let row = |r: usize| {
         let [x, y, z, _] = sum_of_row(links, r, |site| &slots[site as usize].0);
         Rgb::new(x, y, z)

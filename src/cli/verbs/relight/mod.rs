@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::films::is_png;
 use super::points::probe::answers;
 use super::{Destination, Written, export, render};
 use crate::bake::{Meter, Monitor, RelightReport, Relighter, Stage, Stopwatch};
@@ -112,16 +113,20 @@ fn answer(
     meter: &Meter,
     console: &Console,
 ) -> Result<Written> {
-    let model = relighter.model();
     match wanted {
         Wanted::Points(table, destination) => {
-            let columns = answers(model, table, console)?;
+            let columns = answers(relighter.model(), table, console)?;
             destination.table(table, &columns)?;
             return Ok(Written::points(destination, table.len() as u64, meter));
         }
-        Wanted::Mesh(output) => export::write((&request.job, model), output, console)?,
+        Wanted::Mesh(output) => export::write((&request.job, relighter.model()), output, console)?,
         Wanted::Image(output) => {
-            render::shoot(model, request.camera.as_deref(), output, console)?;
+            let camera = request.camera.as_deref();
+            if is_png(output) {
+                render::shoot(relighter.model(), camera, output, console)?;
+            } else {
+                render::apart(relighter, camera, output, console)?;
+            }
         }
     }
     let (Wanted::Mesh(output) | Wanted::Image(output)) = wanted else { unreachable!("points return above") };

@@ -23,8 +23,15 @@ const sliders = header.lights.map((light, k) => {
   return { number, colour, range };
 });
 
+/** The turn of the sky: of an image whose turned light the page holds, or the program that serves it solves for. */
+const turn = header.sky.turned.length > 0 || (header.live && header.live.rotate !== null) ? part("turn") : null;
+if (turn) part("turning").hidden = false;
+part("turn").oninput = (event) => glowtree.set({ turn: Number(event.target.value) });
+
 /** Puts the state into the panel. */
 function showState() {
+  part("turn").value = state.turn;
+  part("degrees").textContent = `${Math.round(state.turn)}°`;
   part("exposure").value = stops();
   part("stops").textContent = `${stops() < 0 ? "−" : "+"}${Math.abs(stops()).toFixed(2)} EV`;
   part("view").value = state.view;

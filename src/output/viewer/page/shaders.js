@@ -16,7 +16,7 @@ vec3 scaled(float x) {
   return linear(mix(scale[k], scale[k + 1], at - float(k)));
 }`;
 
-/* Adds the lights up at a vertex: layer 0 of \`fields\` is albedo, layer 1 + k the irradiance of light k. */
+/* Adds the lights up at a vertex: layer 0 of \`fields\` is albedo, layer 1 + k the irradiance of light k. Waves may swing below 0. */
 const SURFACE_VERTEX = `#version 300 es
 precision highp float;
 precision highp sampler2DArray;
@@ -38,6 +38,7 @@ void main() {
   irradiance = vec3(0);
   for (int k = 0; k < lights; k++)
     irradiance += texelFetch(weights, ivec2(k, 0), 0).rgb * texelFetch(fields, ivec3(at, k + 1), 0).rgb;
+  irradiance = max(irradiance, vec3(0));
   emitted = emitter == 0u ? vec3(0) : texelFetch(emitters, ivec2(int(emitter) - 1, 0), 0).rgb;
   ambientError = measures;
   gl_Position = clip * vec4(position, 1);

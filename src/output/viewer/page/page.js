@@ -35,6 +35,7 @@ const SUBFRAMES = 16; // 4 × 4 places in a pixel, as the program's own pictures
 const start = () => ({
   camera: structuredClone(header.camera),
   weights: header.lights.map(() => [1, 1, 1]),
+  turn: 0, // of the sky, degrees counter-clockwise from above
   exposure: header.exposure,
   view: VIEW.light,
 });
@@ -128,17 +129,22 @@ const dotBytes = block("dots");
 const dotArrays = arrays(dotBytes, 20, [[0, 3, gl.FLOAT, 0], [1, 1, gl.FLOAT, 12], [2, 1, gl.FLOAT, 16]]);
 const emptyArrays = gl.createVertexArray();
 
-/** Albedo and the lights, a layer each, rows of 2,048 vertices. */
+/** Albedo, the lights and the sky turned, a layer each, rows of 2,048 vertices. */
 const fields = texture(gl.TEXTURE_2D_ARRAY);
+const rows = Math.max(Math.ceil(header.count / 2048), 1);
+const layers = 1 + header.lights.length + header.sky.turned.length;
+gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, 2048, rows, layers);
+/** Puts a word for each vertex into a layer. */
+function putLayer(layer, words) {
+  const filled = new Uint32Array(2048 * rows);
+  filled.set(words);
+  gl.bindTexture(gl.TEXTURE_2D_ARRAY, fields);
+  gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2048, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, filled);
+}
 {
   const words = new Uint32Array(block("fields").buffer);
-  const rows = Math.max(Math.ceil(header.count / 2048), 1);
-  gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGB9_E5, 2048, rows, 1 + header.lights.length);
-  for (let layer = 0; layer <= header.lights.length; layer++) {
-    const filled = new Uint32Array(2048 * rows);
-    filled.set(words.subarray(layer * header.count, (layer + 1) * header.count));
-    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, layer, 2048, rows, 1, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV, filled);
-  }
+  for (let layer = 0; layer < layers; layer++)
+    putLayer(layer, words.subarray(layer * header.count, (layer + 1) * header.count));
 }
 const sky = texture();
 gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB9_E5, ...header.sky.size, 0, gl.RGB, gl.UNSIGNED_INT_5_9_9_9_REV,
@@ -212,9 +218,10 @@ function drawScene(frame, shift, view) {
     const u = use(backdrop, { sky: [gl.TEXTURE_2D, sky] });
     const dim = view === VIEW.light || view === VIEW.white ? state.exposure : 0;
     const weight = state.weights[header.sky.light].map((w, c) => w * header.sky.scale[c] * dim);
-    gl.uniform3fv(u.ahead, seen.ahead);
-    gl.uniform3fv(u.right, times(seen.side, seen.right));
-    gl.uniform3fv(u.above, times(seen.top, seen.above));
+    const back = (direction) => turned(direction, unit(header.sky.up), (-state.turn * Math.PI) / 180);
+    gl.uniform3fv(u.ahead, back(seen.ahead));
+    gl.uniform3fv(u.right, times(back(seen.side), seen.right));
+    gl.uniform3fv(u.above, times(back(seen.top), seen.above));
     gl.uniform3fv(u.weight, weight);
     gl.uniform2fv(u.shift, shift);
     gl.bindVertexArray(emptyArrays);
@@ -227,7 +234,7 @@ function drawScene(frame, shift, view) {
     emitters: [gl.TEXTURE_2D, emitters] });
   gl.uniformMatrix4fv(u.clip, false, clip);
   gl.uniform2fv(u.shift, shift);
-  gl.uniform1i(u.lights, header.lights.length);
+  gl.uniform1i(u.lights, layers - 1);
   gl.uniform1i(u.view, view);
   gl.uniform1f(u.exposure, state.exposure);
   gl.uniform1f(u.errorTop, header.error_top);
@@ -288,6 +295,21 @@ function step() {
   summed += 1;
 }
 
+/**
+ * What each layer but the albedo counts. The light of the sky is known at an odd number of places of its turn, and between them is
+ * the one sum of waves that goes through all of them (the kernel of Dirichlet).
+ */
+function layerWeights() {
+  const { light, turned } = header.sky;
+  const parts = turned.length + 1;
+  const share = (part) => {
+    const x = ((state.turn / 360 - part / parts) * 2 * Math.PI) / 2;
+    return Math.abs(Math.sin(x)) < 1e-9 ? 1 : Math.sin(parts * x) / (parts * Math.sin(x));
+  };
+  const own = state.weights.map((w, k) => times(w, header.lights[k].scale * (k === light && parts > 1 ? share(0) : 1)));
+  return own.concat(turned.map((scale, k) => times(state.weights[light], scale * share(k + 1))));
+}
+
 function frame() {
   waiting = false;
   const scale = window.devicePixelRatio || 1;
@@ -295,7 +317,7 @@ function frame() {
     [Math.max(Math.round(canvas.clientWidth * scale), 1), Math.max(Math.round(canvas.clientHeight * scale), 1)];
   if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
   targetsOf(width, height);
-  table(weights, state.weights.map((w, k) => times(w, header.lights[k].scale)));
+  table(weights, layerWeights());
   table(emitters, header.emitters.map(({ light, radiance }) => radiance.map((r, c) => r * state.weights[light][c])));
   do step(); while (fixed && summed < SUBFRAMES);
   if (summed < SUBFRAMES) later();
@@ -313,7 +335,8 @@ function renew() {
 /* ---- the tests' and scripts' way in ---- */
 
 window.glowtree = {
-  /** Sets any of `camera` {eye, target, up, fov}, `weights` [[r, g, b] of each light], `exposure`, `view` (a number). */
+  /** Sets any of `camera` {eye, target, up, fov}, `weights` [[r, g, b] of each light], `turn` of an image sky in degrees, `exposure`,
+   * `view` (a number). */
   set(change) {
     Object.assign(state, change, { camera: { ...state.camera, ...change.camera } });
     showState();

@@ -1,6 +1,6 @@
 //! The page's file: a template, a header in JSON and blocks of numbers in base64.
 
-use std::io::Write;
+use std::io::{self, Write};
 use std::path::Path;
 
 use base64::Engine as _;
@@ -9,25 +9,31 @@ use glam::Vec3;
 use half::f16;
 use serde_json::{Value, json};
 
-use super::encode::shared_exponent;
-use super::{Picture, ViewLight};
+use super::Picture;
+use super::encode::{Layer, shared_exponent};
 use crate::error::{Error, Result};
 use crate::light::Rgb;
-use crate::output::file::{Sink, write_whole};
+use crate::output::file::write_whole;
 use crate::scene::Sky;
 
 const PAGE: &str = include_str!("page.html");
 const SCRIPTS: [&str; 3] = [include_str!("shaders.js"), include_str!("page.js"), include_str!("controls.js")];
 
+/// What a page that is served has besides.
+const LIVE_SCRIPT: &str = include_str!("live.js");
+
 /// Where the template takes the data and the scripts.
 const DATA_MARK: &str = "<!-- data -->\n";
 const SCRIPT_MARK: &str = "/* script */\n";
+
+/// What the page may connect to: nothing, or who served it.
+const CONNECT: [&str; 2] = ["connect-src 'none'", "connect-src 'self'"];
 
 /// Bytes that are encoded at a time: a multiple of three, so that the texts join.
 const PIECE: usize = 3 << 16;
 
 /// WebGL 2 promises 256 layers; the albedo takes one.
-const MOST_LIGHTS: usize = 255;
+const MOST_LAYERS: usize = 255;
 
 /// Pixels of an image sky behind the scene, across and down: half a degree.
 const SKY_SIZE: [u32; 2] = [720, 360];
@@ -35,58 +41,111 @@ const SKY_SIZE: [u32; 2] = [720, 360];
 /// Writes the page to `path`.
 ///
 /// Blocks are little-endian: `vertices` (position f32×3, ambient and relative error f16, emitter u32), `fields` (RGB9_E5,
-/// layer by layer: the albedo, then each light's irradiance over its maximum, rows of 2,048 vertices), `indices` (u32,
+/// layer by layer: the albedo, then each light's irradiance over its maximum, then that of the sky turned by the k-th part of
+/// a full turn, k = 1, 2, …), `indices` (u32,
 /// one-sided triangles first), `sky` (RGB9_E5 over its maximum, row 0 up), `dots` (position, level, spacing f32).
 /// Directions and positions are local.
 ///
 /// # Errors
 /// [`Error::Usage`] for more than 255 lights, input/output errors.
 pub fn write(path: &Path, picture: &Picture<'_>) -> Result<()> {
-    let count = picture.lit.lights.len();
-    if count > MOST_LIGHTS {
-        let problem =
-            format!("{}: {count} lights are more than a page holds ({MOST_LIGHTS})", path.display());
-        return Err(Error::Usage(problem));
-    }
-    let (sky, sky_scale, sky_size) = sky(picture);
-    let blocks = [
-        ("vertices", vertices(picture)),
-        ("fields", fields(picture)),
-        ("indices", indices(picture)),
-        ("sky", sky),
-        ("dots", dots(picture)),
-    ];
-    let mut header = header(picture);
-    header["sky"] = json!({ "size": sky_size, "scale": sky_scale.to_array(),
-        "light": picture.lit.lights.iter().position(|light| light.is_sky) });
-    // Names come from files: no letter of theirs may end the block.
-    let text = header.to_string().replace('<', "\\u003c");
-    let (start, rest) = PAGE.split_once(DATA_MARK).unwrap_or((PAGE, ""));
-    let (middle, end) = rest.split_once(SCRIPT_MARK).unwrap_or((rest, ""));
-    let bytes: usize = blocks.iter().map(|(_, block)| block.len() / 3 * 4 + 100).sum();
-    write_whole(path, (PAGE.len() + SCRIPTS.concat().len() + text.len() + bytes) as u64, |sink| {
-        let put = |sink: &mut Sink, text: &str| {
-            sink.write_all(text.as_bytes()).map_err(|e| Error::io(path, "writing", e))
-        };
-        put(sink, start)?;
-        put(sink, &format!("<script type=\"application/json\" id=\"header\">{text}</script>\n"))?;
-        for (name, block) in &blocks {
-            put(sink, &format!("<script type=\"text/plain\" id=\"{name}\">"))?;
-            block.chunks(PIECE).try_for_each(|piece| put(sink, &BASE64.encode(piece)))?;
-            put(sink, "</script>\n")?;
+    let page = Page::new(picture, None)?;
+    write_whole(path, page.size() as u64, |sink| page.put(sink).map_err(|e| Error::io(path, "writing", e)))
+}
+
+/// The page for a program that stays and answers edits; `live` is what its controls begin with (see `live.js`).
+///
+/// # Errors
+/// [`Error::Usage`] for more than 255 lights.
+pub fn served(picture: &Picture<'_>, live: &Value) -> Result<Vec<u8>> {
+    let page = Page::new(picture, Some(live))?;
+    let mut bytes = Vec::with_capacity(page.size());
+    page.put(&mut bytes).map_err(|e| Error::io("the page", "keeping it in memory", e))?;
+    Ok(bytes)
+}
+
+/// A page before it is written.
+struct Page {
+    header: String,
+    blocks: [(&'static str, Vec<u8>); 5],
+    live: bool,
+}
+
+impl Page {
+    fn new(picture: &Picture<'_>, live: Option<&Value>) -> Result<Self> {
+        let count: usize = picture.lit.lights.iter().map(|light| 1 + light.turned.len()).sum();
+        if count > MOST_LAYERS {
+            return Err(Error::Usage(format!("{count} lights are more than a page holds ({MOST_LAYERS})")));
         }
-        put(sink, middle)?;
-        SCRIPTS.iter().try_for_each(|script| put(sink, script))?;
-        put(sink, end)
-    })
+        let layers: Vec<Layer> = layers(picture).collect();
+        let (sky, sky_scale, sky_size) = sky(picture);
+        let mut header = header(picture, &layers);
+        let light = picture.lit.lights.iter().position(|light| light.is_sky);
+        header["sky"] = json!({ "size": sky_size, "scale": sky_scale.to_array(), "light": light,
+            "up": picture.scene.up.to_array(), "turned": turned(picture, light, &layers) });
+        if let Some(live) = live {
+            header["live"] = live.clone();
+        }
+        let blocks = [
+            ("vertices", vertices(picture)),
+            ("fields", layers.into_iter().flat_map(|layer| layer.words).collect()),
+            ("indices", indices(picture)),
+            ("sky", sky),
+            ("dots", dots(picture)),
+        ];
+        // Names come from files: no letter of theirs may end the block.
+        let header = header.to_string().replace('<', "\\u003c");
+        Ok(Self { header, blocks, live: live.is_some() })
+    }
+
+    fn scripts(&self) -> impl Iterator<Item = &'static str> {
+        SCRIPTS.into_iter().chain(self.live.then_some(LIVE_SCRIPT))
+    }
+
+    /// Bytes, or a few more.
+    fn size(&self) -> usize {
+        let blocks: usize = self.blocks.iter().map(|(_, block)| block.len().div_ceil(3) * 4 + 100).sum();
+        PAGE.len() + self.scripts().map(str::len).sum::<usize>() + self.header.len() + 100 + blocks
+    }
+
+    fn put(&self, sink: &mut impl Write) -> io::Result<()> {
+        let page = if self.live { PAGE.replacen(CONNECT[0], CONNECT[1], 1) } else { PAGE.to_owned() };
+        let (start, rest) = page.split_once(DATA_MARK).unwrap_or((&page, ""));
+        let (middle, end) = rest.split_once(SCRIPT_MARK).unwrap_or((rest, ""));
+        sink.write_all(start.as_bytes())?;
+        writeln!(sink, "<script type=\"application/json\" id=\"header\">{}</script>", self.header)?;
+        for (name, block) in &self.blocks {
+            write!(sink, "<script type=\"text/plain\" id=\"{name}\">")?;
+            block.chunks(PIECE).try_for_each(|piece| sink.write_all(BASE64.encode(piece).as_bytes()))?;
+            sink.write_all(b"</script>\n")?;
+        }
+        sink.write_all(middle.as_bytes())?;
+        self.scripts().try_for_each(|script| sink.write_all(script.as_bytes()))?;
+        sink.write_all(end.as_bytes())
+    }
+}
+
+/// The scales of the layers of the sky turned. No other light has any.
+fn turned(picture: &Picture<'_>, sky: Option<usize>, layers: &[Layer]) -> Vec<f32> {
+    let count = sky.map_or(0, |k| picture.lit.lights[k].turned.len());
+    layers[layers.len() - count..].iter().map(|layer| layer.scale).collect()
+}
+
+/// The albedo, the lights' irradiance, and that of skies turned.
+fn layers(picture: &Picture<'_>) -> impl Iterator<Item = Layer> {
+    let lights = picture.lit.lights.iter().map(|light| &light.irradiance);
+    let turned = picture.lit.lights.iter().flat_map(|light| &light.turned);
+    let layers = lights.chain(turned).map(|light| Layer::scaled(light));
+    [Layer::plain(&picture.mesh.albedo)].into_iter().chain(layers)
 }
 
 /// What is said in words and single numbers.
-fn header(picture: &Picture<'_>) -> Value {
+fn header(picture: &Picture<'_>, layers: &[Layer]) -> Value {
     let Picture { mesh, lit, view, .. } = picture;
     let camera = &view.camera;
+    let named = lit.lights.iter().zip(&layers[1..]);
     let lights: Vec<Value> =
-        lit.lights.iter().map(|light| json!({ "name": light.name, "scale": scale(light) })).collect();
+        named.map(|(light, layer)| json!({ "name": light.name, "scale": layer.scale })).collect();
     let emitters: Vec<Value> = emitters(picture)
         .into_iter()
         .map(|(mesh, light)| {
@@ -118,12 +177,6 @@ fn header(picture: &Picture<'_>) -> Value {
         "centre": centre.to_array(),
         "radius": radius,
     })
-}
-
-/// The largest channel of a light.
-fn scale(light: &ViewLight) -> f32 {
-    let most = light.irradiance.iter().map(|h| h.max_element()).filter(|h| h.is_finite()).fold(0.0, f32::max);
-    if most > 0.0 { most } else { 1.0 }
 }
 
 /// Glowing meshes with the light that they belong to.
@@ -162,17 +215,6 @@ fn vertices(picture: &Picture<'_>) -> Vec<u8> {
             bytes.extend(f16::from_f32(value.min(60_000.0)).to_le_bytes());
         }
         bytes.extend(emitter[picture.mesh.meshes[v] as usize].to_le_bytes());
-    }
-    bytes
-}
-
-fn fields(picture: &Picture<'_>) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(4 * picture.mesh.points.len() * (1 + picture.lit.lights.len()));
-    let mut put = |colour: Rgb| bytes.extend(shared_exponent(colour).to_le_bytes());
-    picture.mesh.albedo.iter().for_each(|&albedo| put(albedo));
-    for light in &picture.lit.lights {
-        let over = 1.0 / scale(light);
-        light.irradiance.iter().for_each(|&h| put(h * over));
     }
     bytes
 }
