@@ -21,7 +21,7 @@ use glowtree::scene::{self, Scene, Sky, Texture, sky};
 
 /// Points that are judged, and paths of each.
 const POINTS: u64 = 600;
-const PATHS: u32 = 2048;
+const PATHS: u32 = 16_384;
 
 /// Of the bake.
 const ERROR: f64 = 0.02;

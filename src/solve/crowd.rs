@@ -63,6 +63,8 @@ const MOST_OUTSIDE: f32 = 3.0;
 struct Shared {
     irradiance: Rgb,
     gradient: Mat3,
+    /// The same of the light that is asked for, where another decides.
+    own: Option<(Rgb, Mat3)>,
     sky_visibility: f32,
     noise: f32,
     surplus: f32,
@@ -95,6 +97,8 @@ struct Crowd {
 /// What the rows around a point say of the light that is not the lamps'.
 struct Fitted {
     indirect: Rgb,
+    /// The same of the light that is asked for, where another decides.
+    own: Option<Rgb>,
     sky_visibility: f32,
     error: f32,
     arriving: Option<f32>,
@@ -161,7 +165,7 @@ impl Field<'_> {
         sharing: &Sharing,
         answers: &mut [Irradiance],
     ) -> Vec<usize> {
-        let mut crowd = Crowd { level: self.solution.level, ..Crowd::default() };
+        let mut crowd = Crowd { level: self.judge().level, ..Crowd::default() };
         let mut radius = sharing.first;
         for _ in 0..LEVELS {
             let fresh = crowd.cover(asked, &open, radius);
@@ -201,7 +205,12 @@ impl Field<'_> {
     /// A point's own row, short, and the share of the lamps' light that arrives.
     fn share(&self, asked: &Asked) -> Shared {
         let rays = (self.params.rays / 2).max(FEWEST_RAYS);
-        let (row, _) = self.gather_row(&asked.point, field::key(&asked.point), rays);
+        let gathered = |field: &Self| field.gather_row(&asked.point, field::key(&asked.point), rays).0;
+        let (row, own) = match self.judged() {
+            Some(judge) => (gathered(&judge), Some(gathered(self))),
+            None => (gathered(self), None),
+        };
+        let own = own.map(|own| (own.irradiance, own.gradient));
         let RowLight { irradiance, gradient, sky_visibility, noise } = row;
         let open = match asked.direct {
             Some(_) => 0.0,
@@ -214,7 +223,7 @@ impl Field<'_> {
         } else {
             f32::NAN
         };
-        Shared { irradiance, gradient, sky_visibility, noise, surplus: 0.0, arriving }
+        Shared { irradiance, gradient, own, sky_visibility, noise, surplus: 0.0, arriving }
     }
 
     fn direct(&self, asked: &Asked, params: &DirectParams) -> Rgb {
@@ -231,7 +240,8 @@ impl Field<'_> {
             (None, Some(share)) => self.problem.direct.open_at(self.problem.lamps, &asked.point) * share,
             (None, None) => self.direct(asked, &self.params.direct),
         };
-        let Fitted { indirect, sky_visibility, error, .. } = *fitted;
+        let Fitted { sky_visibility, error, .. } = *fitted;
+        let indirect = fitted.own.unwrap_or(fitted.indirect);
         Irradiance { direct, indirect, sky_visibility, error }
     }
 }
@@ -241,7 +251,7 @@ impl Shared {
     fn alone(&self) -> Fitted {
         let arriving = Some(self.arriving).filter(|share| !share.is_nan());
         let Self { irradiance: indirect, sky_visibility, noise: error, .. } = *self;
-        Fitted { indirect, sky_visibility, error, arriving }
+        Fitted { indirect, own: self.own.map(|(own, _)| own), sky_visibility, error, arriving }
     }
 }
 
@@ -337,7 +347,17 @@ impl Crowd {
         let bias = BETWEEN * BETWEEN * (missed - NOISE_SHARE * noise).max(0.0) / total;
         let error = (bias + carried).sqrt() * field::outside(&fit).min(MOST_OUTSIDE);
         let arriving = self.arriving(&near);
-        Some(Fitted { indirect, sky_visibility: sky.clamp(0.0, 1.0), error, arriving })
+        let own = self.own_light(point, &near, &fit);
+        Some(Fitted { indirect, own, sky_visibility: sky.clamp(0.0, 1.0), error, arriving })
+    }
+
+    /// The light that is asked for where another decides, by the same weights.
+    fn own_light(&self, at: &SurfacePoint, near: &[(f32, u32)], fit: &mls::Fit) -> Option<Rgb> {
+        let value = |(n, w): (&(f32, u32), &f32)| {
+            let (irradiance, gradient) = self.rows[n.1 as usize].own?;
+            Some((irradiance + gradient * (at.normal - self.point(n.1 as usize).normal)) * *w)
+        };
+        near.iter().zip(&fit.weights).map(value).sum()
     }
 
     /// The share of the lamps' light that arrives around, where rows agree on it.
@@ -361,11 +381,13 @@ impl Crowd {
             best = if distance < best.0 { (distance, id as usize) } else { best };
         });
         let (distance, row) = (best.0, self.rows.get(best.1)?);
-        let turned = row.gradient * (point.normal - self.point(best.1).normal);
+        let turn = point.normal - self.point(best.1).normal;
+        let turned = row.gradient * turn;
+        let own = row.own.map(|(irradiance, gradient)| irradiance + gradient * turn);
         let indirect = (row.irradiance + turned).max(Rgb::ZERO);
         // What the turn changes is known to no better than a part of itself.
         let untold = UNTOLD * (radius * distance * self.level + mean_channel(turned).abs());
         let error = row.noise.hypot(untold);
-        Some(Fitted { indirect, sky_visibility: row.sky_visibility, error, arriving: None })
+        Some(Fitted { indirect, own, sky_visibility: row.sky_visibility, error, arriving: None })
     }
 }

@@ -10,6 +10,7 @@ use crate::geometry::{SurfacePoint, hash};
 use crate::light::{Rgb, mean_channel};
 use crate::links::direct::{DirectParams, Query};
 use crate::links::receivers::Receivers;
+use crate::scene::Sky;
 use crate::sites::SiteId;
 use crate::sites::neighbours::mutually_visible;
 use crate::tree::Support;
@@ -102,7 +103,16 @@ pub struct Field<'a> {
     pub smooth: Option<&'a dyn Reconstruction<4>>,
     /// The light that tells in place of the solution where points gather for themselves, and with how many rays: answers are then
     /// linear in the solution and the sky, negative light included.
-    pub judge: Option<&'a Solution>,
+    pub judge: Option<Judge<'a>>,
+}
+
+/// A light by which it is decided how points are answered.
+#[derive(Clone, Copy)]
+pub struct Judge<'a> {
+    /// Of the same receivers.
+    pub solution: &'a Solution,
+    /// The sky that it is of.
+    pub sky: &'a Sky,
 }
 
 impl Field<'_> {
@@ -115,7 +125,14 @@ impl Field<'_> {
 
     /// The light that decides how points are answered.
     pub(super) fn judge(&self) -> &Solution {
-        self.judge.unwrap_or(self.solution)
+        self.judge.map_or(self.solution, |judge| judge.solution)
+    }
+
+    /// The field of the light that decides, if it is another. It is one function over all receivers to nobody: its fits speak.
+    pub(super) fn judged(&self) -> Option<Self> {
+        let Judge { solution, sky } = self.judge?;
+        let problem = Problem { sky: Some(sky), ..self.problem };
+        Some(Self { problem, solution, judge: None, smooth: None, ..*self })
     }
 
     fn at(&self, point: &SurfacePoint) -> Irradiance {
@@ -156,10 +173,7 @@ impl Field<'_> {
             None => Irradiance { direct, indirect: Rgb::ZERO, sky_visibility: 0.0, error: f32::INFINITY },
         };
         let blended = blend(self);
-        // A judge's light is one function over all receivers to nobody here: its fits speak for it.
-        let judged = self
-            .judge
-            .map_or(blended, |judge| blend(&Self { solution: judge, judge: None, smooth: None, ..*self }));
+        let judged = self.judged().map_or(blended, |judge| blend(&judge));
         // Darkness may be a hidden side's, reached through a wall: it is looked into.
         let level = self.judge().level;
         let dark = mean_channel(judged.indirect) < DARK * level;

@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::geometry::SurfacePoint;
 use crate::light::Rgb;
 use crate::light::harmonics::Harmonics;
+use crate::solve::field::Judge;
 use crate::solve::{Field, Irradiance};
 
 /// What is asked about one function: its number, the model with no light of its own, and what answers for points.
@@ -22,7 +23,7 @@ impl Relighter {
     /// even sky. The light of now is then as it was.
     ///
     /// Cost: [`Relighter::prepare_sky`], some products a function, and what `each` asks: points are answered as
-    /// [`Field::evaluate`] answers them, once for each function.
+    /// [`Field::evaluate_crowd`] answers them, once for each function.
     ///
     /// # Errors
     /// Those of [`Relighter::prepare_sky`], and what `pause` and `each` say.
@@ -30,7 +31,8 @@ impl Relighter {
         self.prepare_sky_with(order, pause)?;
         let before = self.now.clone();
         self.relight_with(&self.even_sky(order), pause)?;
-        let judge = self.model().solution.clone();
+        let even = self.model().solution.clone();
+        let even_sky = self.banded_sky(Harmonics::constant(Rgb::ONE, order).coefficients);
         let mut outcome = Ok(());
         for number in 0..order * order {
             let Some(irradiance) = self.sky_transfer(number).map(|transfer| transfer.irradiance.clone())
@@ -40,8 +42,9 @@ impl Relighter {
             self.model.direct.sky = Some(self.banded_sky(Harmonics::unit(number, order).coefficients));
             self.model.solution = self.model.problem().completed(irradiance);
             self.model.smooth = OnceLock::new();
-            let field = Field { judge: Some(&judge), ..self.model.field() };
-            let evaluate = |points: &[SurfacePoint]| field.evaluate(&self.model.set_down(points));
+            let judge = Some(Judge { solution: &even, sky: &even_sky });
+            let field = Field { judge, ..self.model.field() };
+            let evaluate = |points: &[SurfacePoint]| field.evaluate_crowd(&self.model.set_down(points));
             outcome = each(number, &self.model, &evaluate);
             if outcome.is_err() {
                 break;

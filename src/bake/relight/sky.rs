@@ -4,8 +4,8 @@
 //! This work is based on: Sloan, Kautz and Snyder, "Precomputed Radiance Transfer", SIGGRAPH 2002.
 //!
 //! The functions are solved for as they are, negative light included: products and GMRES are linear, and errors are relative to a
-//! function's own light. Skies 1 + Y/c, less the constant one, would need no sign, but their errors are those of the greater
-//! light, some five to ten times as large (docs/relighting.md).
+//! function's own light. Skies 1 + Y/c, less the constant one, would need no sign, but a solution more, and their errors are
+//! those of the greater light (docs/theory.md, relighting).
 
 use std::sync::Arc;
 
