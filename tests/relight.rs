@@ -93,6 +93,8 @@ const OPEN: &str = "\n[[lamp]]\nkind = \"point\"\nname = \"bulb\"\nposition = [0
 fn sums_of_lights_are_solutions() {
     let stage = Stage::new("cornell", MORE);
     stage.bake("job", 0.1, &[]);
+    // Solved for here, not read: tests/transfer.rs looks at what the job holds.
+    std::fs::remove_file(stage.path("job").join(bake::transfer::FILE)).unwrap();
     let mut summed = open(&stage.path("job"));
     let points: Vec<SurfacePoint> = (0..50).map(|s| summed.model().sites.point(SiteId(s))).collect();
     let before = summed.evaluate(&points);
