@@ -188,7 +188,9 @@ fn a_banded_sky_is_its_harmonics() {
         // The same rays see both; bilinear look-ups of the image err by 10⁻⁴ of a function.
         let off = relative(relighter.radiosity(), &exact);
         assert!(off < 1.0e-3, "{off}");
-        let total = |all: &[glowtree::solve::Irradiance]| all.iter().map(|i| i.total()).collect::<Vec<Rgb>>();
+        let total = |all: &[glowtree::solve::Irradiance]| {
+            all.iter().map(glowtree::solve::Irradiance::total).collect::<Vec<Rgb>>()
+        };
         let off = relative(&total(&relighter.evaluate(&points)), &total(&answers));
         assert!(off < 1.0e-3, "{off} at points");
     }

@@ -11,7 +11,7 @@ use super::report::summary::StageTime;
 use super::validate::{self, Estimate, ValidateParams};
 use super::work::alone::{Alone, Even};
 use super::work::grading::Shine;
-use super::work::{Grounds, Layout, Work, refine};
+use super::work::{Grounds, Layout, Work, refine, switched};
 use crate::archive::{Ledger, One, Pause, Tag};
 use crate::basis::Basis;
 use crate::detail;
@@ -69,9 +69,6 @@ pub struct Target {
     /// Whether the error is each light's by itself.
     pub relightable: bool,
 }
-
-/// Points that judge one light of several: what they say is known to a tenth.
-const JUDGES: usize = 150;
 
 /// Rounds of refinement at the most.
 const ROUNDS: u32 = 3;
@@ -311,17 +308,7 @@ fn build_kept(
     let watch = (monitor, ledger);
     let mixture = work.layout.mixture.take();
     let lights = mixture.map_or_else(Vec::new, |m| Alone::all(&scene, (&lamps, &glowing), &m));
-    if lights.is_empty() {
-        solve(&mut work, "first light", (plan, bounces), watch, &mut report)?;
-        let stage = Stage::start(monitor, "refine", "receivers", None);
-        let room = refine::room(&work);
-        refine::split(&mut work, plan, room, ledger)?;
-        refine::own(&mut work, plan, ledger)?;
-        stage.advance(work.receivers.len() as u64)?;
-        report.stages.push(stage.finish());
-    } else {
-        work = each_by_itself(work, &lights, (plan, bounces), watch, &mut report)?;
-    }
+    let mut work = refined(work, &lights, (plan, bounces), watch, &mut report)?;
 
     solve(&mut work, "solve", (plan, bounces), watch, &mut report)?;
     if plan.operator == Operator::Dense {
@@ -354,6 +341,27 @@ fn build_kept(
     judge(&model, plan, watch, &mut report)?;
     model.bvh.sound()?;
     Ok((model, report))
+}
+
+/// Splits receivers and gives sites rows of their own where the light asks for it, or each of several lights.
+fn refined<'a>(
+    mut work: Work<'a>,
+    lights: &[Alone],
+    (plan, bounces): (&Plan, Option<usize>),
+    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
+    report: &mut PipelineReport,
+) -> Result<Work<'a>> {
+    if !lights.is_empty() {
+        return switched::refined(work, lights, (plan, bounces), (monitor, ledger), report);
+    }
+    solve(&mut work, "first light", (plan, bounces), (monitor, ledger), report)?;
+    let stage = Stage::start(monitor, "refine", "receivers", None);
+    let room = refine::room(&work);
+    refine::split(&mut work, plan, room, ledger)?;
+    refine::own(&mut work, plan, ledger)?;
+    stage.advance(work.receivers.len() as u64)?;
+    report.stages.push(stage.finish());
+    Ok(work)
 }
 
 /// Lays out sites by what the receivers' rays met and by how the lamps' light varies in corners.
@@ -395,49 +403,8 @@ fn lay(
     Ok(layout)
 }
 
-/// Refines against each light by itself, and judges each.
-fn each_by_itself<'a>(
-    mut work: Work<'a>,
-    lights: &[Alone],
-    (plan, bounces): (&Plan, Option<usize>),
-    (monitor, ledger): (&dyn Monitor, &Ledger<'_>),
-    report: &mut PipelineReport,
-) -> Result<Work<'a>> {
-    let stage = Stage::start(monitor, "lights", "lights", Some(2 * lights.len() as u64));
-    // Each may ask for as much as one alone would: what one has got the next needs no more.
-    let room = refine::room(&work);
-    let mut levels = Vec::with_capacity(lights.len());
-    for light in lights {
-        let level;
-        (work, level) = work.lit_by(light, |lit| {
-            find(lit, (plan, bounces), ledger)?;
-            refine::split(lit, plan, room, ledger)?;
-            Ok(lit.solution.level)
-        })?;
-        levels.push(if level > 0.0 { level.recip() } else { 0.0 });
-        stage.advance(1)?;
-    }
-    // Rows of their own come after all that is split; the same sites ask for them whatever the light (docs/theory.md).
-    (work, ()) = work.lit_by(&Alone::together(lights, &levels), |lit| {
-        find(lit, (plan, bounces), ledger)?;
-        refine::own(lit, plan, ledger)
-    })?;
-    for light in lights {
-        let estimate;
-        (work, estimate) = work.lit_by(light, |lit| {
-            find(lit, (plan, bounces), ledger)?;
-            let smooth = lit.smooth();
-            judged(&lit.field(plan, &smooth), plan, (JUDGES, &mut report.rays), ledger)
-        })?;
-        report.lights.push(LightEstimate { name: light.name.clone(), error: estimate.error });
-        stage.advance(1)?;
-    }
-    report.stages.push(stage.finish());
-    Ok(work)
-}
-
 /// Solves for the light; what the solver did.
-fn find(
+pub(super) fn find(
     work: &mut Work<'_>,
     (plan, bounces): (&Plan, Option<usize>),
     ledger: &Ledger<'_>,
@@ -514,7 +481,7 @@ pub(super) fn judge(
 }
 
 /// What so many independent gathers say; before a plan is thrown away it is heard again, by more.
-fn judged(
+pub(super) fn judged(
     field: &Field<'_>,
     plan: &Plan,
     (points, rays): (usize, &mut u64),

@@ -184,10 +184,6 @@ pub struct Reference {
     /// Paths per point, rounded up to a multiple of 16; a power of two is best
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub spp: u32,
-    /// Refine against each light by itself, so that any of them may be dimmed or switched later [default: when the scene
-    /// has 2 to 16 lights]
-    #[arg(long, value_name = "CHOICE", num_args = 0..=1, require_equals = true, default_missing_value = "true")]
-    pub relightable: Option<bool>,
     /// Follow light over at most N reflections [default: without limit]
     #[arg(long, value_name = "N")]
     pub max_bounces: Option<u32>,

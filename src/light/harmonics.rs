@@ -113,7 +113,7 @@ impl Harmonics {
                 *sum += by_wave[(m + MOST_ORDER as i32 - 1) as usize] * weights[number];
             }
         }
-        Self { coefficients: sums.into_iter().map(|sum| sum.as_vec3()).collect() }
+        Self { coefficients: sums.into_iter().map(DVec3::as_vec3).collect() }
     }
 
     /// Bands.

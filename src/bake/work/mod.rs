@@ -3,6 +3,7 @@
 pub mod alone;
 pub mod grading;
 pub mod refine;
+pub mod switched;
 
 use glam::Vec3;
 use rayon::prelude::*;
