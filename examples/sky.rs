@@ -18,6 +18,7 @@ use glowtree::light::{Rgb, mean_channel};
 use glowtree::rays::Bvh;
 use glowtree::reference::{ReferenceParams, irradiance};
 use glowtree::scene::{self, Scene, Sky, Texture, sky};
+use glowtree::solve::Irradiance;
 
 /// Points that are judged, and paths of each.
 const POINTS: u64 = 600;
@@ -112,7 +113,7 @@ fn by_harmonics(
     let report = relighter.relight(&lighting)?;
     assert!(report.superposed, "transfers were prepared");
     println!("  relit in {:.2} ms", 1e3 * started.elapsed().as_secs_f64());
-    Ok(relighter.evaluate(points).iter().map(|light| light.total()).collect())
+    Ok(relighter.evaluate(points).iter().map(Irradiance::total).collect())
 }
 
 /// RMS difference of the mean channel over the mean, the paths' own noise taken off, and that noise.

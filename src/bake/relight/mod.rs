@@ -136,6 +136,8 @@ pub struct Relighter {
     synced: bool,
     /// Whether each light was refined against by itself, those that were off included.
     switched: bool,
+    /// Whether a job keeps transfers of its sky's harmonics.
+    turns: bool,
     /// Whether the model's solution is all there, not its radiosity and irradiance alone.
     whole: bool,
 }
@@ -161,7 +163,10 @@ impl Relighter {
         let bounces = options.max_bounces.map(|n| n as usize);
         let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
         let relighter = Self::new(store::read(job, Purpose::Light)?, params);
-        Ok(Self { switched: options.is_relightable(&relighter.baked), ..relighter })
+        let (switched, asked) = (options.is_relightable(&relighter.baked), options.relightable == Some(true));
+        // A constant sky looks the same however it is turned.
+        let turns = relighter.baked.sky.as_ref().is_some_and(|sky| asked || matches!(sky, Sky::Image { .. }));
+        Ok(Self { switched, turns, ..relighter })
     }
 
     /// From a model that holds its rows.
@@ -202,6 +207,7 @@ impl Relighter {
             stale: Vec::new(),
             synced: true,
             switched: false,
+            turns: false,
             whole: true,
             model,
         };

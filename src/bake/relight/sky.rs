@@ -17,7 +17,7 @@ use crate::archive::Pause;
 use crate::error::{Error, Result};
 use crate::light::Rgb;
 use crate::light::harmonics::{Harmonics, MOST, MOST_ORDER};
-use crate::scene::{Scene, Sky, sky};
+use crate::scene::{Sky, sky};
 use crate::solve::relight::{Source, Transfer};
 
 /// Rows of the image that rays of points look at: bilinear look-ups then err by 10⁻⁴ of the third wave around.
@@ -25,12 +25,6 @@ const ROWS: u32 = 256;
 
 /// Values added up by one task.
 const RUN: usize = 1 << 14;
-
-/// The lights that a job for relighting keeps transfers of, as far as links to them are known.
-fn kept_lights(scene: &Scene) -> Vec<Origin> {
-    let functions = if scene.sky.is_some() { MOST } else { 0 };
-    switches(scene).into_iter().chain((0..functions).map(Origin::Harmonic)).collect()
-}
 
 impl Relighter {
     /// Solves for skies that are one of the spherical harmonics each, of `order` bands (1 to 4): order² of them. From then on
@@ -113,14 +107,16 @@ impl Relighter {
     }
 
     /// Solves for the lights that a job for relighting keeps, a few at a time, and hands each over: those that links are known of,
-    /// and the harmonics of the sky, if there is one.
+    /// and the harmonics of a sky that is an image, or was asked for.
     pub(in crate::bake) fn each_transfer(
         &mut self,
         pause: Pause<'_>,
         each: &mut dyn FnMut(Origin, &Transfer) -> Result<()>,
     ) -> Result<()> {
-        let all = kept_lights(&self.baked).into_iter().filter(|origin| self.is_linked(*origin));
-        for some in all.collect::<Vec<_>>().chunks(TOGETHER) {
+        let functions = if self.turns { MOST } else { 0 };
+        let lights = switches(&self.baked).into_iter().filter(|origin| self.is_linked(*origin));
+        let all: Vec<Origin> = lights.chain((0..functions).map(Origin::Harmonic)).collect();
+        for some in all.chunks(TOGETHER) {
             self.prepare_each(some.to_vec(), pause)?;
             for (origin, transfer) in std::mem::take(&mut self.transfers) {
                 each(origin, &transfer)?;

@@ -42,8 +42,8 @@ fn made_of(job: &Path) -> Result<Vec<[u8; 16]>> {
     MADE_FROM.iter().map(|kind| content(kind)).collect()
 }
 
-/// Solves for each light of a baked job by itself, and for the sixteen first harmonics of its sky if it has one, and keeps what
-/// they do beside it. Ones that are there and of this job stay.
+/// Solves for each light of a baked job by itself, and for the sixteen first harmonics of its sky if that is an image or the
+/// bake was told to be for relighting, and keeps what they do beside it. Ones that are there and of this job stay.
 ///
 /// Cost: a bake's solution for every five of them. Memory: the rows and, for ten lights at a time, 12 B a site and receiver.
 /// Deterministic: the same bytes for any number of threads and interruptions.
@@ -55,10 +55,10 @@ pub fn store(job: &Path, monitor: &dyn Monitor) -> Result<StageTime> {
     store_in((&storage, job), monitor, &|| monitor.check())
 }
 
-/// As [`store`], on another storage and asking `pause` before every product.
+/// As [`store()`], on another storage and asking `pause` before every product.
 ///
 /// # Errors
-/// As [`store`], and what `pause` says.
+/// As [`store()`], and what `pause` says.
 pub fn store_in(
     (storage, job): (&Arc<dyn Storage>, &Path),
     monitor: &dyn Monitor,
