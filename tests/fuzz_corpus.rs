@@ -21,7 +21,7 @@ use readers::TARGETS;
 /// Says to a child which target it is to run.
 const TARGET: &str = "GLOWTREE_FUZZ_TARGET";
 
-/// Time for the mutations of one target; all eight and the start of their processes take less than 20 s.
+/// Time for the mutations of one target; all nine and the start of their processes take less than 20 s.
 const BUDGET: Duration = Duration::from_millis(2200);
 
 /// The longest that one input of a few kilobytes may take, on a busy machine. Most take microseconds.

@@ -11,6 +11,7 @@ use std::sync::{Arc, Mutex};
 
 use glowtree::Error;
 use glowtree::archive::{Archive, Digest, Digests, Storage, StoredFile, Tag, Writer, partial_path, verify};
+use glowtree::bake::transfer::codec;
 use glowtree::light::Rgb;
 use glowtree::output::points::PointTable;
 use glowtree::scene::{self, LampKind, Scene, Sky, materials, sky};
@@ -19,7 +20,7 @@ use glowtree::scene::{self, LampKind, Scene, Sky, materials, sky};
 pub type Reader = fn(&[u8]);
 
 /// All targets by name; each has a folder of seeds.
-pub const TARGETS: [(&str, Reader); 8] = [
+pub const TARGETS: [(&str, Reader); 9] = [
     ("ply", ply),
     ("obj", obj),
     ("gltf", gltf),
@@ -28,6 +29,7 @@ pub const TARGETS: [(&str, Reader); 8] = [
     ("picture", picture),
     ("archive", archive),
     ("detail", chunks::detail),
+    ("transfer", transfer),
 ];
 
 /// A square that scene files may name as `square.ply`; it has texture coordinates and colours.
@@ -91,6 +93,16 @@ pub fn gltf(bytes: &[u8]) {
 /// Reads bytes as a scene file.
 pub fn scene(bytes: &[u8]) {
     load("scene.toml", bytes);
+}
+
+/// Reads bytes as a block of a light's transfer: how many values there are to be, and the values encoded.
+pub fn transfer(bytes: &[u8]) {
+    let Some((count, encoded)) = bytes.split_first_chunk::<2>() else { return };
+    let count = usize::from(u16::from_le_bytes(*count));
+    match codec::decode(encoded, count) {
+        Ok(values) => assert!(values.len() == count && values.iter().all(|v| v.is_finite())),
+        Err(problem) => assert!(!problem.is_empty() && !problem.contains('\n')),
+    }
 }
 
 /// Reads bytes as a table of points, and the table as it is written once more.

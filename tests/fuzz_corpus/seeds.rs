@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use glowtree::archive::{Disk, Encoded, Storage, Tag, Writer, partial_path};
+use glowtree::bake::transfer::codec;
 use glowtree::detail::{CutParams, Shards, write};
+use glowtree::light::Rgb;
 use glowtree::scene::Placement;
 use glowtree::scene::ply::stream::Stream;
 
@@ -23,6 +25,7 @@ pub fn seeds() -> Vec<Seed> {
     seeds.extend(pictures());
     seeds.extend(archives());
     seeds.extend(details());
+    seeds.extend(transfers());
     let table =
         "\u{feff}id, nx,ny,nz,x,y,z,note\r\n007,0,0,-2,1e3,-0.5, 3 ,\"a, \"\"b\"\"\"\r\n8,3,4,0,0,0,0,\r\n";
     seeds.push(("points", "quoted.csv", table.into()));
@@ -150,6 +153,17 @@ fn archives() -> Vec<Seed> {
 }
 
 /// Archives of two streamed meshes, one with colours, whole and as blocks alone.
+fn transfers() -> Vec<Seed> {
+    let seed = |values: &[Rgb]| [&(values.len() as u16).to_le_bytes()[..], &codec::encode(values)].concat();
+    let smooth = |k: u16| Rgb::new(1.0, 0.5, 0.2) * (f32::from(k) / 40.0).sin();
+    let wild = [Rgb::ZERO, Rgb::new(1.0e20, -3.0e10, 0.0), Rgb::splat(1.0e-20), Rgb::ONE];
+    vec![
+        ("transfer", "smooth", seed(&(0..300).map(smooth).collect::<Vec<_>>())),
+        ("transfer", "wild", seed(&wild)),
+        ("transfer", "dark", seed(&[Rgb::ZERO; 257])),
+    ]
+}
+
 fn details() -> Vec<Seed> {
     let bumps = |coloured: bool| {
         let mut text = String::from(

@@ -8,9 +8,10 @@ use crate::bake::model::Model;
 use crate::bake::options::Options;
 use crate::bake::pictures;
 use crate::bake::pipeline::{self, AIM, Stand};
+use crate::bake::relight::{RelightParams, Relighter};
 use crate::bake::report::progress::{Monitor, Signal};
 use crate::bake::report::summary::StageTime;
-use crate::bake::report::usage::{Meter, resident};
+use crate::bake::report::usage::{Meter, Stopwatch, resident};
 use crate::error::Result;
 use crate::scene::Scene;
 
@@ -29,11 +30,16 @@ const KEEPING: u64 = 20_000_000;
 /// CPU seconds to pack and write what one ray met.
 const STORE_SECONDS: f64 = 8.0e-8;
 
+/// Archive bytes of a colour of a transfer.
+const TRANSFER_BYTES: f64 = 5.9;
+
 /// What one pilot took.
 struct Pilot {
     stages: Vec<StageForecast>,
     sites: u64,
     rays: u64,
+    /// Colours of transfers, at sites and receivers, of all lights together.
+    transferred: u64,
 }
 
 /// Hears of stages in place of the user, and watches the memory of each.
@@ -88,7 +94,7 @@ pub fn forecast(scene: Scene, options: &Options, monitor: &dyn Monitor) -> Resul
     }
     let mut stages = ready;
     stages.extend(grow(&pilots, base));
-    let [sites, rays] = [|p: &Pilot| p.sites, |p: &Pilot| p.rays]
+    let [sites, rays, transferred] = [|p: &Pilot| p.sites, |p: &Pilot| p.rays, |p: &Pilot| p.transferred]
         .map(|of| grown(of(&pilots[0]) as f64, of(&pilots[1]) as f64));
     let archives = BYTES[0] * triangles as f64 + BYTES[1] * sites;
     let seconds = STORE_SECONDS * rays;
@@ -101,6 +107,7 @@ pub fn forecast(scene: Scene, options: &Options, monitor: &dyn Monitor) -> Resul
         stage.disk_bytes += match stage.name.as_str() {
             "mesh" => 47 * vertices + 13 * triangles,
             "preview" => 400_000,
+            "transfer" => (TRANSFER_BYTES * transferred) as u64,
             _ => 0,
         };
     }
@@ -132,8 +139,34 @@ fn fly(stand: Stand, options: &Options, factor: f64, watcher: &Watcher<'_>) -> R
         }
         watcher.stages.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clear();
     }
-    let pilot = Pilot { stages, sites: model.sites.len() as u64, rays: report.rays };
+    let mut pilot = Pilot { stages, sites: model.sites.len() as u64, rays: report.rays, transferred: 0 };
+    let model = if relightable { transfer(model, (&plan, options), &mut pilot, watcher)? } else { model };
     Ok((pilot, model))
+}
+
+/// Solves for the lights that the job would keep.
+fn transfer(
+    model: Model,
+    (plan, options): (&Plan, &Options),
+    pilot: &mut Pilot,
+    watcher: &Watcher<'_>,
+) -> Result<Model> {
+    let watch = Stopwatch::start();
+    let bounces = options.max_bounces.map(|n| n as usize);
+    let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
+    let mut relighter = Relighter::new(model, params).baked_by(options);
+    relighter.each_transfer(&|| watcher.check(), &mut |_, transfer| {
+        pilot.transferred += (transfer.irradiance.len() + transfer.radiosity.len()) as u64;
+        Ok(())
+    })?;
+    pilot.stages.push(StageForecast {
+        name: "transfer".into(),
+        seconds: watch.seconds(),
+        cpu_seconds: watch.cpu_seconds(),
+        peak_anonymous_bytes: resident().anonymous_bytes,
+        disk_bytes: 0,
+    });
+    Ok(relighter.into_model())
 }
 
 /// The stages at the target.

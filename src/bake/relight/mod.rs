@@ -162,11 +162,20 @@ impl Relighter {
         let plan = Plan::new(options.error, options.seed);
         let bounces = options.max_bounces.map(|n| n as usize);
         let params = RelightParams { seed: plan.sites.seed, bounces, error: plan.tolerance };
-        let relighter = Self::new(store::read(job, Purpose::Light)?, params);
-        let (switched, asked) = (options.is_relightable(&relighter.baked), options.relightable == Some(true));
+        Ok(Self::new(store::read(job, Purpose::Light)?, params).baked_by(&options))
+    }
+
+    /// Knows what the bake was asked for.
+    pub(super) fn baked_by(self, options: &Options) -> Self {
+        let (switched, asked) = (options.is_relightable(&self.baked), options.relightable == Some(true));
         // A constant sky looks the same however it is turned.
-        let turns = relighter.baked.sky.as_ref().is_some_and(|sky| asked || matches!(sky, Sky::Image { .. }));
-        Ok(Self { switched, turns, ..relighter })
+        let turns = self.baked.sky.as_ref().is_some_and(|sky| asked || matches!(sky, Sky::Image { .. }));
+        Self { switched, turns, ..self }
+    }
+
+    /// The model; its lamps may be those of another light.
+    pub(super) fn into_model(self) -> Model {
+        self.model
     }
 
     /// From a model that holds its rows.

@@ -88,6 +88,9 @@ pub fn decode(bytes: &[u8], count: usize) -> Result<Vec<Rgb>, String> {
                 whole = whole.wrapping_add(*before);
                 value[channel] = whole as f32 * step;
             }
+            if run.iter().any(|value| !value[channel].is_finite()) {
+                return Err(format!("expected finite values, got ones beyond them in steps of {step}"));
+            }
         }
     }
     if source.at.div_ceil(8) == bytes.len() {
